@@ -1,0 +1,5 @@
+"""`python -m mapcli`."""
+
+from mapcli.cli import main
+
+main()

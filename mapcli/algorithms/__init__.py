@@ -1,0 +1,1 @@
+"""Pure functions on records, and one stateful run per algorithm. Knows no file formats."""

@@ -1,0 +1,1 @@
+"""The numba loops, and nothing else; each has a slow, obvious twin in the tests."""

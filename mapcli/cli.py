@@ -1,0 +1,113 @@
+"""The `mapcli` command: a table of lazily imported subcommands and the one error boundary.
+
+`mapcli --help` must stay as fast as importing click, so a command's module is imported only when
+that command is typed; its one-line help lives in the table below.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import traceback
+from collections.abc import Sequence
+
+import click
+
+from mapcli import __version__
+from mapcli.errors import MapcliError, QualityError
+
+COMMANDS = {
+    "slam-replay": "Turn a robot log into a map and a pose trace (Algorithm 9.2).",
+    "simulate": "Drive a simulated robot through a world and write its log.",
+    "import": "Convert a log to MCAP with ROS 2 messages.",
+    "convert": "Convert a map from any format to any other.",
+    "info": "Say what is in a map or a log.",
+    "render": "Draw a map as a picture.",
+}
+"""Subcommand -> its one-line help. `NAME` lives in `commands/NAME.py` (`-` becomes `_`)."""
+
+MODULES = {"import": "import_log"}
+"""Where the module cannot bear the command's name: `import` is a Python keyword."""
+
+EXIT_DATA, EXIT_QUALITY, EXIT_INTERRUPTED = 1, 3, 130
+
+
+class LazyGroup(click.Group):
+    """A group that knows its subcommands' names and imports the one that runs."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        name = MODULES.get(cmd_name, cmd_name.replace("-", "_"))
+        command = importlib.import_module(f"mapcli.commands.{name}").command
+        assert isinstance(command, click.Command)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            import difflib
+
+            close = difflib.get_close_matches(args[0], COMMANDS, n=1)
+            hint = f" Did you mean {close[0]!r}?" if close else ""
+            raise click.UsageError(f"{error.message}{hint}", ctx) from error
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, package_name="mapcli", message="%(prog)s %(version)s")
+def cli() -> None:
+    """2D robot mapping without ROS, after chapter 9 of Elements of Robotics.
+
+    \b
+    Examples:
+      mapcli slam-replay robot.mcap            # map.png, map.pgm + map.yaml, trace.json
+      mapcli info robot.mcap                   # what is in a log or a map
+      mapcli convert map.yaml map.txt          # any map format to any other
+    """
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run the command line and leave with an exit code of `interface.md`.
+
+    0 done, 1 data or machine failed, 2 wrong usage, 3 quality limit not met, 130 interrupted.
+    """
+    arguments = list(sys.argv[1:] if args is None else args)
+    debug = "--debug" in arguments
+    try:
+        status = cli.main(arguments, prog_name="mapcli", standalone_mode=False)
+        sys.exit(status if isinstance(status, int) else 0)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("Interrupted.", err=True)
+        sys.exit(EXIT_INTERRUPTED)
+    except BrokenPipeError:
+        # The reader of our stdout has gone (`| head`); that is no fault of ours.
+        sys.stderr.close()
+        sys.exit(0)
+    except (MapcliError, OSError, MemoryError) as error:
+        if debug:
+            traceback.print_exc()
+        click.echo(f"Error: {describe(error)}", err=True)
+        sys.exit(EXIT_QUALITY if isinstance(error, QualityError) else EXIT_DATA)
+
+
+def describe(error: BaseException) -> str:
+    """One line for a person, without a traceback."""
+    if isinstance(error, OSError) and error.strerror:
+        place = f"{error.filename}: " if error.filename else ""
+        return f"{place}{error.strerror.lower()}"
+    if isinstance(error, MemoryError):
+        return f"out of memory{f': {error}' if str(error) else ''}"
+    return str(error)

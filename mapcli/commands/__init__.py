@@ -1,0 +1,1 @@
+"""The words the user types, one file each: parse, load, call, save."""

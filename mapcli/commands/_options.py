@@ -1,0 +1,76 @@
+"""The options that several commands share: one flag, one meaning, one default."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+from mapcli.model.pose import Pose2D
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+class NumberList(click.ParamType[Any]):
+    """`X,Y,YAW_DEG` and the like: a fixed count of numbers separated by commas."""
+
+    def __init__(self, metavar: str, cast: type = float) -> None:
+        self.name = metavar
+        self.count = metavar.count(",") + 1
+        self.cast = cast
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        return self.name
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[Any, ...]:
+        if isinstance(value, tuple):
+            return value
+        try:
+            numbers = tuple(self.cast(part) for part in str(value).split(","))
+        except ValueError:
+            numbers = ()
+        if len(numbers) != self.count or not all(math.isfinite(n) for n in numbers):
+            self.fail(f"{value!r} is not of the form {self.name}.", param, ctx)
+        return numbers
+
+
+CELL = NumberList("ROW,COL", int)
+POINT = NumberList("X,Y")
+
+
+class PoseType(NumberList):
+    """`X,Y,YAW_DEG` on the command line, a `Pose2D` in radians inside."""
+
+    def __init__(self, metavar: str = "X,Y,YAW_DEG") -> None:
+        super().__init__(metavar)
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        if isinstance(value, Pose2D):
+            return value
+        x, y, degrees = super().convert(value, param, ctx)
+        return Pose2D(x, y, math.radians(degrees))
+
+
+POSE = PoseType()
+
+
+def common_options(command: Command) -> Command:
+    """`-q`, `-v` and `--debug`, which every command has."""
+    for option in (
+        click.option(
+            "--debug", is_flag=True, expose_value=False, help="Show the traceback of an error."
+        ),
+        click.option("-v", "--verbose", is_flag=True, help="Say more on stderr."),
+        click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors."),
+    ):
+        command = option(command)
+    return command
+
+
+no_clobber_option = click.option(
+    "--no-clobber", is_flag=True, help="Refuse to replace a file that exists."
+)

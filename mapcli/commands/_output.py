@@ -1,0 +1,78 @@
+"""Writing results: whole or not at all, never over a file that must stay; and the progress bar."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO, TypeVar
+
+import click
+
+from mapcli.errors import OutputError
+
+Item = TypeVar("Item")
+
+
+@contextmanager
+def output_file(path: str | Path, *, no_clobber: bool = False) -> Iterator[BinaryIO]:
+    """A binary file that appears under its name only when it is complete.
+
+    It is written beside its final name and renamed at the end; when anything fails on the way,
+    an older file of that name stays as it was. `-` is standard output.
+
+    Raises:
+        OutputError: the file exists and `no_clobber` is set, or it cannot be written.
+    """
+    if str(path) == "-":
+        yield sys.stdout.buffer
+        sys.stdout.buffer.flush()
+        return
+    path = Path(path)
+    if no_clobber and path.exists():
+        raise OutputError("exists already, and --no-clobber is set", file=path)
+    if path.is_dir():
+        raise OutputError("is a directory", file=path, expected="a file name")
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with partial.open("wb") as file:
+            yield file
+        partial.replace(path)
+    except OSError as error:
+        raise OutputError(f"cannot be written: {error.strerror}", file=path) from error
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_bytes(path: str | Path, data: bytes, *, no_clobber: bool = False) -> None:
+    """Write a whole file, or nothing (see `output_file`)."""
+    with output_file(path, no_clobber=no_clobber) as file:
+        file.write(data)
+
+
+def write_files(
+    directory: str | Path, files: dict[str, bytes], *, no_clobber: bool = False
+) -> None:
+    """Write several files of one result in the order given, after checking that all may be."""
+    for name in files if no_clobber else ():
+        if (Path(directory) / name).exists():
+            raise OutputError(
+                "exists already, and --no-clobber is set", file=Path(directory) / name
+            )
+    for name, data in files.items():
+        write_bytes(Path(directory) / name, data)
+
+
+def progress(
+    items: Iterable[Item], label: str, total: int | None, *, quiet: bool
+) -> Iterator[Item]:
+    """The items, with a bar on stderr when that is a terminal."""
+    if quiet or not sys.stderr.isatty():
+        yield from items
+        return
+    with click.progressbar(
+        items, label=label, length=total, file=sys.stderr, update_min_steps=16, show_pos=True
+    ) as bar:
+        yield from bar

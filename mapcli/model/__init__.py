@@ -1,0 +1,1 @@
+"""Plain frozen records and their arithmetic: no files, no search, nothing but numpy."""

@@ -1,0 +1,72 @@
+"""Poses in the plane: position in metres, heading in radians, counter-clockwise from +x."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def wrap_angle(angle: float) -> float:
+    """The same angle in [-pi, pi)."""
+    return (angle + math.pi) % math.tau - math.pi
+
+
+@dataclass(frozen=True, slots=True)
+class Pose2D:
+    """A pose `x, y, theta`, or the rigid motion that takes a child frame into its parent.
+
+    `map_from_robot.compose(robot_from_laser)` is `map_from_laser`, and
+    `map_from_a.between(map_from_b)` is `a_from_b`, the pose of b as a sees it.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    theta: float = 0.0
+
+    def compose(self, child: Pose2D) -> Pose2D:
+        """This motion after `child`: the pose of `child`'s child in this pose's parent."""
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        return Pose2D(
+            self.x + cos * child.x - sin * child.y,
+            self.y + sin * child.x + cos * child.y,
+            wrap_angle(self.theta + child.theta),
+        )
+
+    def inverse(self) -> Pose2D:
+        """The motion that undoes this one."""
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        return Pose2D(
+            -cos * self.x - sin * self.y, sin * self.x - cos * self.y, wrap_angle(-self.theta)
+        )
+
+    def between(self, other: Pose2D) -> Pose2D:
+        """`other` as seen from this pose: `self.compose(self.between(other)) == other`."""
+        return self.inverse().compose(other)
+
+    def apply(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points, shape (n, 2), from this pose's frame into its parent's."""
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        rotation = np.array([[cos, -sin], [sin, cos]])
+        moved: NDArray[np.float64] = points @ rotation.T + np.array([self.x, self.y])
+        return moved
+
+    def distance(self, other: Pose2D) -> float:
+        """Metres between the two positions."""
+        return math.hypot(other.x - self.x, other.y - self.y)
+
+
+def interpolate(a: Pose2D, b: Pose2D, fraction: float) -> Pose2D:
+    """The pose `fraction` of the way from a to b, turning the shorter way.
+
+    Fractions outside [0, 1] extrapolate. 0 and 1 give a and b exactly.
+    """
+    if fraction in (0.0, 1.0):
+        return b if fraction else a
+    return Pose2D(
+        a.x + fraction * (b.x - a.x),
+        a.y + fraction * (b.y - a.y),
+        wrap_angle(a.theta + fraction * wrap_angle(b.theta - a.theta)),
+    )

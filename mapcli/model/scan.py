@@ -1,0 +1,89 @@
+"""What a log is made of: range scans and odometry, with their stamps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.model.pose import Pose2D
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """Where the laser sits on the robot.
+
+    Attributes:
+        pose: pose of the laser in the robot's frame (`robot_from_laser`), seen from above.
+        flipped: the laser hangs upside down, so its bearings run clockwise seen from above.
+    """
+
+    pose: Pose2D = field(default_factory=Pose2D)
+    flipped: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class RangeScan:
+    """One turn of a range sensor.
+
+    Attributes:
+        stamp_ns: time of the first beam, nanoseconds.
+        angle_min: bearing of the first beam in the laser's frame, radians.
+        angle_increment: from one beam to the next, radians; negative for clockwise sensors.
+        ranges: shape (n,), float32, metres. As REP 117 has it: +inf is no return within range,
+            -inf too close to measure, NaN an invalid reading. Readers translate the habits of
+            older drivers (zero, range_max + 1) into these; algorithms see only REP 117.
+        range_min, range_max: the sensor's limits, metres.
+        mount: where the sensor sits on the robot.
+    """
+
+    stamp_ns: int
+    angle_min: float
+    angle_increment: float
+    ranges: NDArray[np.float32]
+    range_min: float = 0.0
+    range_max: float = float("inf")
+    mount: Mount = field(default_factory=Mount)
+
+    def bearings(self) -> NDArray[np.float64]:
+        """Bearing of each beam in the laser's frame seen from above, shape (n,), radians."""
+        steps = np.arange(len(self.ranges), dtype=np.float64)
+        bearings = self.angle_min + self.angle_increment * steps
+        return -bearings if self.mount.flipped else bearings
+
+    def points(self) -> NDArray[np.float64]:
+        """Ends of the beams that hit something, shape (k, 2), in the robot's frame, metres."""
+        hit = np.isfinite(self.ranges)
+        return self._ends(self.bearings()[hit], self.ranges[hit].astype(np.float64))
+
+    def free_ends(self, length: float) -> NDArray[np.float64]:
+        """Points `length` metres along the beams without return, shape (k, 2), robot's frame."""
+        bearings = self.bearings()[np.isposinf(self.ranges)]
+        return self._ends(bearings, np.full(len(bearings), length))
+
+    def _ends(
+        self, bearings: NDArray[np.float64], ranges: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        ends = np.column_stack([np.cos(bearings), np.sin(bearings)]) * ranges[:, None]
+        return self.mount.pose.apply(ends)
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """Where the robot's wheels say it is: `odom_from_robot` at a time."""
+
+    stamp_ns: int
+    pose: Pose2D
+
+
+@dataclass(frozen=True, slots=True)
+class TruePose:
+    """Where the robot really is (`map_from_robot`), known only to a simulator."""
+
+    stamp_ns: int
+    pose: Pose2D
+
+
+Record = Odometry | RangeScan | TruePose
+"""What a log reader yields."""
