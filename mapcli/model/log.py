@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
-from mapcli.model.scan import Mount
+from mapcli.model.scan import Mount, Odometry, RangeScan, Record
 
 Role = Literal["scan", "odometry", "tf", "tf_static", "other"]
 
@@ -54,14 +55,100 @@ class LogOptions:
 class Damage:
     """Counts what was wrong with a log while it is read (mutable; one per reading).
 
-    Keys are short sentences that make sense after a number: "scans with a stamp that jumps back".
+    Keys are plural nouns with what is wrong with them, without a verb that would have to agree
+    with the number: "scans with a stamp that jumps back".
     """
 
     counts: dict[str, int] = field(default_factory=dict)
+    first: dict[str, str] = field(default_factory=dict)
 
-    def add(self, what: str, times: int = 1) -> None:
+    def add(
+        self, what: str, times: int = 1, *, file: str | None = None, where: str | None = None
+    ) -> None:
+        """Count `what`; `where` in `file` is remembered for the first of a kind."""
         if times:
             self.counts[what] = self.counts.get(what, 0) + times
+            if where is not None:
+                self.first.setdefault(what, where)
 
     def lines(self) -> list[str]:
-        return [f"{times:,} {what}" for what, times in self.counts.items()]
+        """What was wrong, one sentence per kind: "3 lines without a valid message (line 17)"."""
+        return [
+            f"{counted(times, what)}{self._place(what, times)}"
+            for what, times in self.counts.items()
+        ]
+
+    def _place(self, what: str, times: int) -> str:
+        if what not in self.first:
+            return ""
+        return f" ({'first: ' if times > 1 else ''}{self.first[what]})"
+
+
+def counted(times: int, what: str) -> str:
+    """ "1 scan without beams", "2,000 scans without beams"."""
+    noun, space, rest = what.partition(" ")
+    return f"{times:,} {noun.removesuffix('s') if times == 1 else noun}{space}{rest}"
+
+
+@dataclass
+class BeamCounts:
+    """What became of the beams of the scans read so far (mutable; REP 117's kinds).
+
+    Attributes:
+        total: all beams.
+        no_return: nothing within the sensor's range (+inf).
+        too_close: something nearer than the sensor can measure (-inf).
+        invalid: no reading (NaN, zero or negative in the log).
+    """
+
+    total: int = 0
+    no_return: int = 0
+    too_close: int = 0
+    invalid: int = 0
+
+
+def select(
+    records: Iterable[Record],
+    start_s: float | None = None,
+    end_s: float | None = None,
+    every: int = 1,
+) -> Iterator[Record]:
+    """Every `every`-th scan from `start_s` to `end_s`, with the odometry around them.
+
+    Args:
+        records: in stamp order.
+        start_s, end_s: seconds after the first record; None is the log's own start or end.
+        every: 1 keeps all scans.
+
+    Yields:
+        The scans of that window, all odometry in it, and the last odometry before and the first
+        one after it, between which the poses at the first and the last scan are interpolated.
+    """
+    origin: int | None = None
+    before: Record | None = None
+    scans = 0
+    for record in records:
+        origin = record.stamp_ns if origin is None else origin
+        elapsed = (record.stamp_ns - origin) * 1e-9
+        if start_s is not None and elapsed < start_s:
+            before = record if isinstance(record, Odometry) else before
+            continue
+        if before is not None:
+            yield before
+            before = None
+        if end_s is not None and elapsed > end_s:
+            if isinstance(record, Odometry):
+                yield record
+                return
+            if elapsed > end_s + LAST_ODOMETRY_S:
+                return
+            continue
+        if isinstance(record, RangeScan):
+            scans += 1
+            if (scans - 1) % every:
+                continue
+        yield record
+
+
+LAST_ODOMETRY_S = 10.0
+"""How long `select` looks for odometry beyond the end before it gives up, seconds."""

@@ -1,0 +1,227 @@
+"""What all log formats have in common: sources, topic choice, stamp order, strictness."""
+
+from __future__ import annotations
+
+import hashlib
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from heapq import heappop, heappush, heappushpop
+from pathlib import Path
+
+from mapcli.errors import DataError, FormatError
+from mapcli.model.log import BeamCounts, Damage, LogOptions, Role, Topic, counted
+from mapcli.model.scan import Odometry, RangeScan, Record
+
+REORDER_RECORDS = 2000
+"""Records held back to put stamps in order: some 10 s of a usual robot, a few MB of scans."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One input file.
+
+    Attributes:
+        name: what the user typed (`-` for standard input); goes into messages.
+        path: where the bytes are (a temporary file for standard input).
+    """
+
+    name: str
+    path: Path
+
+
+class StrictDamage(Damage):
+    """Refuses the first damage instead of counting it (`--strict`)."""
+
+    def add(
+        self, what: str, times: int = 1, *, file: str | None = None, where: str | None = None
+    ) -> None:
+        if times:
+            raise FormatError(
+                counted(times, what), file=file, where=where, expected="an undamaged log (--strict)"
+            )
+
+
+class Log(ABC):
+    """A recording, open for reading (stateful: damage, notes and beams fill while it is read).
+
+    Attributes:
+        name: the first input's file name.
+        damage: what was wrong, counted.
+        notes: what the user should know about how the log is understood.
+        beams: what became of the beams of the scans yielded so far.
+        scan_count: scans on the chosen topic; None where unknown.
+    """
+
+    def __init__(self, sources: Sequence[Source], options: LogOptions) -> None:
+        self.sources = tuple(sources)
+        self.options = options
+        self.name = Path(sources[0].name).name or sources[0].name
+        self.damage: Damage = StrictDamage() if options.strict else Damage()
+        self.notes: list[str] = []
+        self.beams = BeamCounts()
+
+    @abstractmethod
+    def topics(self) -> list[Topic]:
+        """All topics, in order of first appearance or name."""
+
+    @property
+    def scan_topic(self) -> str | None:
+        """The topic that scans are read from; None when there is none or no obvious one."""
+        try:
+            return self.require_scan_topic().name
+        except (DataError, FormatError):
+            return None
+
+    @property
+    def odom_topic(self) -> str | None:
+        """The topic that odometry is read from; None when there is none or no obvious one."""
+        try:
+            topic = self.find_odom_topic()
+        except DataError:
+            return None
+        return topic.name if topic else None
+
+    @property
+    def scan_count(self) -> int | None:
+        name = self.scan_topic
+        return next((topic.count for topic in self.topics() if topic.name == name), None)
+
+    def require_scan_topic(self) -> Topic:
+        """The topic of the scans.
+
+        Raises:
+            DataError: none, or several and no --scan-topic.
+        """
+        return choose_scan_topic(self.topics(), self.options.scan_topic, self.sources[0].name)
+
+    def find_odom_topic(self) -> Topic | None:
+        """The topic of the odometry, or None.
+
+        Raises:
+            DataError: several and no --odom-topic, or it does not exist.
+        """
+        return choose_odom_topic(self.topics(), self.options.odom_topic, self.sources[0].name)
+
+    def note(self, text: str) -> None:
+        if text not in self.notes:
+            self.notes.append(text)
+
+    def sha256(self) -> str:
+        """SHA-256 of the input's bytes (of all parts in the order given), hexadecimal."""
+        digest = hashlib.sha256()
+        for source in self.sources:
+            with source.path.open("rb") as file:
+                while block := file.read(1 << 20):
+                    digest.update(block)
+        return digest.hexdigest()
+
+    def records(self) -> Iterator[Record]:
+        """Odometry and scans in the order of their stamps.
+
+        Records of equal stamps keep the order of the log; a scan that carries its own odometry
+        comes right after it. Ranges follow REP 117. May be called again to read once more.
+
+        Raises:
+            DataError: no scan topic or no obvious one.
+            FormatError: nothing can be read, or the log is damaged and `strict` is set.
+        """
+        self.require_scan_topic()
+        self.find_odom_topic()
+        yield from in_stamp_order(self._records(), self.damage, self.sources[0].name)
+
+    @abstractmethod
+    def _records(self) -> Iterator[Record]:
+        """The records in roughly the order of their stamps."""
+
+
+def in_stamp_order(records: Iterable[Record], damage: Damage, name: str) -> Iterator[Record]:
+    """The records sorted by stamp within a window of `REORDER_RECORDS`; equal stamps stay as is.
+
+    A record that comes later than that with a stamp before one already given out is dropped and
+    counted: after a clock was set back, mapcli cannot know which of two moments is meant. A stray
+    stamp in the future harms nobody; it waits for its turn at the end.
+    """
+    heap: list[tuple[int, int, Record]] = []
+    last = None
+    for arrival, record in enumerate(records):
+        entry = record.stamp_ns, arrival, record
+        if last is not None and record.stamp_ns < last:
+            damage.add(
+                f"{_plural(record)} with a stamp that jumps back, dropped",
+                file=name,
+                where=f"at {record.stamp_ns * 1e-9:.3f} s",
+            )
+        elif len(heap) < REORDER_RECORDS:
+            heappush(heap, entry)
+        else:
+            last, _, ready = heappushpop(heap, entry)
+            yield ready
+    while heap:
+        yield heappop(heap)[2]
+
+
+def _plural(record: Record) -> str:
+    if isinstance(record, RangeScan):
+        return "scans"
+    return "odometry records" if isinstance(record, Odometry) else "poses"
+
+
+def choose_scan_topic(topics: Sequence[Topic], wanted: str | None, name: str) -> Topic:
+    """The topic to read scans from: the one named, or the only candidate.
+
+    Raises:
+        DataError: see `Log.require_scan_topic`.
+    """
+    candidates = _candidates(topics, "scan", wanted)
+    if len(candidates) == 1:
+        return candidates[0]
+    if wanted is not None:
+        raise DataError(
+            f"no scan topic {wanted}{_listed(_candidates(topics, 'scan'), ' among ')}", file=name
+        )
+    if candidates:
+        raise DataError(
+            f"several scan topics{_listed(candidates, ': ')}",
+            file=name,
+            expected="one of them named with --scan-topic",
+        )
+    raise DataError(
+        f"no range scans{_listed(topics, ' among ')}",
+        file=name,
+        expected="a topic of sensor_msgs/msg/LaserScan, or FLASER or ROBOTLASER1 lines",
+    )
+
+
+def choose_odom_topic(topics: Sequence[Topic], wanted: str | None, name: str) -> Topic | None:
+    """The topic to read odometry from: the one named, the only candidate, or else /tf.
+
+    Raises:
+        DataError: see `Log.find_odom_topic`.
+    """
+    odometry = _candidates(topics, "odometry", wanted)
+    transforms = _candidates(topics, "tf", wanted)
+    if len(odometry) > 1:
+        raise DataError(
+            f"several odometry topics{_listed(odometry, ': ')}",
+            file=name,
+            expected="one of them named with --odom-topic",
+        )
+    if wanted is not None and not odometry + transforms:
+        known = _candidates(topics, "odometry") + _candidates(topics, "tf")
+        raise DataError(f"no odometry topic {wanted}{_listed(known, ' among ')}", file=name)
+    return next(iter(odometry + transforms), None)
+
+
+def _candidates(topics: Sequence[Topic], role: Role, wanted: str | None = None) -> list[Topic]:
+    return [
+        t
+        for t in topics
+        if t.role == role and (t.count > 0 if wanted is None else t.name == wanted)
+    ]
+
+
+def _listed(topics: Sequence[Topic], lead: str) -> str:
+    """The topics with their types and counts, or nothing."""
+    texts = [f"{t.name} ({t.type}, {t.encoding}, {t.count:,} messages)" for t in topics]
+    return f"{lead}{', '.join(texts)}" if texts else ""
