@@ -1,0 +1,295 @@
+"""Map metadata in YAML: the map_server pair, and mapcli's self-contained map.
+
+    image: depot.pgm            relative to this file's folder, or absolute; ~ is the home folder
+    mode: trinary               or scale, raw; trinary when absent
+    resolution: 0.05            metres per cell
+    origin: [-7.14, -7.83, 0]   x, y, yaw of the outer corner of the bottom-left cell
+    negate: 0                   or 1, or a truth value
+    occupied_thresh: 0.65
+    free_thresh: 0.196
+
+A self-contained map has `cells` in the place of the image and of the four keys about it: a list
+of rows, top row first, each a string as in a text map (`"? 0.1 1"` or `"?.#"`) or a list of
+numbers and `"?"` (or null); resolution 1 and origin 0, 0, 0 may be left out. Other keys are
+ignored. Numbers are written as the shortest text that reads back as the same number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import yaml
+
+from mapcli.errors import DataError, FormatError
+from mapcli.formats.grey import MODES, GreyRule
+from mapcli.formats.text import TextRows, number_rows
+from mapcli.model.grid import GridMap
+from mapcli.model.pose import Pose2D
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_MAX_DEPTH = 50
+_TRUTHS = {"true": True, "yes": True, "on": True, "y": True,
+           "false": False, "no": False, "off": False, "n": False}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ImageMeta:
+    """What the YAML of a map_server pair says about its image.
+
+    Attributes:
+        image: the image's name as written; "" inside an image's own note.
+        image_line: the line it stands in.
+        resolution: metres per cell.
+        origin: pose of the outer corner of the bottom-left cell.
+        rule: what the image's grey means.
+        warnings: what was odd.
+    """
+
+    image: str
+    image_line: int
+    resolution: float
+    origin: Pose2D
+    rule: GreyRule
+    warnings: tuple[str, ...] = ()
+
+
+def read_yaml(data: bytes, file: str) -> ImageMeta | GridMap:
+    """Read a map's YAML: the metadata of an image, or a whole map with `cells`.
+
+    Raises:
+        FormatError: broken YAML, a missing or bad key, naming the key and the line.
+    """
+    document = Document.parse(data, file)
+    if "cells" in document.nodes:
+        return _read_cells(document)
+    if "image" not in document.nodes and not document.nodes.keys().isdisjoint(
+        ("polygons", "points")
+    ):
+        raise FormatError(
+            "holds a continuous map (polygons or points)",
+            file=file,
+            expected="a grid map; `mapcli rasterize` turns polygons into one",
+        )
+    return read_image_meta(document)
+
+
+class Document:
+    """The keys of a YAML mapping, with errors that name file, key and line."""
+
+    def __init__(self, root: yaml.MappingNode, file: str) -> None:
+        self.file = file
+        self.root = root
+        self.nodes: dict[str, yaml.Node] = {}
+        for key, value in root.value:
+            name = str(key.value) if isinstance(key, yaml.ScalarNode) else ""
+            if name in self.nodes:
+                raise self.error(name, "given twice", "each key once", node=key)
+            self.nodes[name] = value
+
+    @classmethod
+    def parse(cls, data: bytes, file: str) -> Document:
+        """Compose without constructing: nodes know their lines, and nothing is executed."""
+        try:
+            _refuse_deep_nesting(data, file)
+            root = yaml.compose(data.decode("utf-8-sig", "replace"), Loader=_LOADER)
+        except (yaml.YAMLError, ValueError, RecursionError) as error:
+            mark = getattr(error, "problem_mark", None)
+            raise FormatError(
+                f"broken YAML: {getattr(error, 'problem', None) or error}",
+                file=file,
+                where=f"line {mark.line + 1}" if mark else None,
+            ) from error
+        if not isinstance(root, yaml.MappingNode):
+            raise FormatError("not a YAML mapping", file=file, expected="`key: value` lines")
+        return cls(root, file)
+
+    def error(
+        self, key: str, problem: str, expected: str, node: yaml.Node | None = None
+    ) -> FormatError:
+        node = node or self.nodes.get(key) or self.root
+        return FormatError(
+            f"{key}: {problem}",
+            file=self.file,
+            where=f"line {node.start_mark.line + 1}",
+            expected=expected,
+        )
+
+    def require(self, key: str, expected: str) -> yaml.Node:
+        if key not in self.nodes:
+            raise self.error(key, "key is missing", expected)
+        return self.nodes[key]
+
+    def text(self, key: str, expected: str) -> str:
+        node = self.require(key, expected)
+        if not isinstance(node, yaml.ScalarNode) or not node.value:
+            raise self.error(key, "not a text" if node.value else "empty", expected)
+        return str(node.value)
+
+    def number(self, key: str, expected: str) -> float:
+        value = _number(self.require(key, expected))
+        if value is None or not math.isfinite(value):
+            raise self.error(key, f"{_shown(self.nodes[key])} is not a number", expected)
+        return value
+
+    def numbers(self, key: str, count: int, expected: str) -> list[float]:
+        node = self.require(key, expected)
+        values = [_number(n) for n in node.value] if isinstance(node, yaml.SequenceNode) else []
+        if len(values) != count or None in values:
+            raise self.error(key, f"{_shown(node)}", expected)
+        return [value for value in values if value is not None]
+
+
+def _refuse_deep_nesting(data: bytes, file: str) -> None:
+    """A map nests three deep; the C parser of a file of brackets would overflow its stack."""
+    depth = 0
+    for event in yaml.parse(data.decode("utf-8-sig", "replace"), Loader=_LOADER):
+        depth += isinstance(event, yaml.CollectionStartEvent)
+        depth -= isinstance(event, yaml.CollectionEndEvent)
+        if depth > _MAX_DEPTH:
+            raise FormatError(
+                f"lists nested deeper than {_MAX_DEPTH}",
+                file=file,
+                expected="a map",
+            )
+
+
+def _number(node: yaml.Node) -> float | None:
+    """The number a scalar spells, nan and inf included; YAML's own typing would miss 1e-3."""
+    text = node.value if isinstance(node, yaml.ScalarNode) else ""
+    try:
+        return float(text.replace(".nan", "nan").replace(".inf", "inf").replace("_", "?"))
+    except ValueError:
+        return None
+
+
+def _shown(node: yaml.Node) -> str:
+    if isinstance(node, yaml.ScalarNode):
+        return repr(node.value[:40])
+    count = len(node.value) if isinstance(node.value, Sequence) else 0
+    return f"a list of {count}" if isinstance(node, yaml.SequenceNode) else "a mapping"
+
+
+def read_image_meta(document: Document, *, embedded: bool = False) -> ImageMeta:
+    """The keys of a map_server pair; inside an image (`embedded`) there is no image key."""
+    image = "" if embedded else document.text("image", "the name of a PGM or PNG file")
+    warnings: list[str] = []
+    resolution = _resolution(document)
+    origin = _origin(document, warnings)
+    rule = _rule(document, warnings)
+    line = 0 if embedded else document.nodes["image"].start_mark.line + 1
+    return ImageMeta(image, line, resolution, origin, rule, tuple(warnings))
+
+
+def _resolution(document: Document) -> float:
+    expected = "metres per cell, more than 0"
+    value = document.number("resolution", expected)
+    if value <= 0:
+        raise document.error("resolution", f"is {value:g}", expected)
+    return value
+
+
+def _origin(document: Document, warnings: list[str]) -> Pose2D:
+    expected = "three numbers, [x, y, yaw]"
+    x, y, yaw = document.numbers("origin", 3, expected)
+    if math.isnan(yaw):
+        # Old map_savers wrote -nan for a quaternion of zeros, which meant no rotation.
+        warnings.append("the yaw of origin is not a number (nan); 0 is used")
+        yaw = 0.0
+    if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(yaw)):
+        raise document.error("origin", "is not finite", expected)
+    return Pose2D(x, y, yaw)
+
+
+def _rule(document: Document, warnings: list[str]) -> GreyRule:
+    thresholds = {
+        key: document.number(key, "a number from 0 to 1")
+        for key in ("occupied_thresh", "free_thresh")
+    }
+    for key, value in thresholds.items():
+        if not 0 <= value <= 1:
+            warnings.append(f"{key} is {value:g}, outside 0 to 1")
+    mode = (document.text("mode", "") if "mode" in document.nodes else "trinary").lower()
+    if mode not in MODES:
+        raise document.error("mode", f"{mode!r} is unknown", "trinary, scale or raw")
+    try:
+        return GreyRule(mode, negate=_truth(document, "negate"), **thresholds)
+    except DataError as error:
+        raise document.error(
+            "free_thresh", f"{thresholds['free_thresh']:g} is above occupied_thresh "
+            f"{thresholds['occupied_thresh']:g}", str(error.expected)
+        ) from error  # fmt: skip
+
+
+def _truth(document: Document, key: str) -> bool:
+    text = document.text(key, "0 or 1").lower()
+    if text in _TRUTHS:
+        return _TRUTHS[text]
+    try:
+        return bool(int(text))
+    except ValueError:
+        raise document.error(key, f"{text!r}", "0 or 1") from None
+
+
+def _read_cells(document: Document) -> GridMap:
+    rows = TextRows(document.file)
+    node = document.nodes["cells"]
+    if isinstance(node, yaml.ScalarNode):
+        for line in node.value.split("\n"):
+            if line.strip():
+                rows.add(line.strip(), f"line {node.start_mark.line + 1}: cells")
+    elif isinstance(node, yaml.SequenceNode):
+        for row in node.value:
+            _add_row(rows, row, f"line {row.start_mark.line + 1}")
+    else:
+        raise document.error("cells", "a mapping", "a list of rows")
+    nodes = document.nodes
+    place = {}
+    if "resolution" in nodes:
+        place["resolution"] = [_resolution(document)]
+    if "origin" in nodes:
+        origin = _origin(document, [])
+        place["origin"] = [origin.x, origin.y, origin.theta]
+    return rows.grid(place)
+
+
+def _add_row(rows: TextRows, row: yaml.Node, place: str) -> None:
+    if isinstance(row, yaml.ScalarNode):
+        rows.add(row.value.strip(), place)
+    elif isinstance(row, yaml.SequenceNode) and all(
+        isinstance(cell, yaml.ScalarNode) for cell in row.value
+    ):
+        words = ["?" if cell.value in ("", "~", "null") else cell.value for cell in row.value]
+        rows.add(" ".join(words) if words else "", place)
+    else:
+        raise FormatError("not a row", file=rows.file, where=place, expected="a string or a list")
+
+
+def image_meta_lines(grid: GridMap, rule: GreyRule, image: str = "") -> str:
+    """The YAML of a map_server pair, or the note inside an image when `image` is ""."""
+    name = f"image: {_quoted(image)}\n" if image else ""
+    return (
+        f"{name}mode: {rule.mode}\n{_place(grid)}negate: {int(rule.negate)}\n"
+        f"occupied_thresh: {float(rule.occupied_thresh)!r}\n"
+        f"free_thresh: {float(rule.free_thresh)!r}\n"
+    )
+
+
+def _place(grid: GridMap) -> str:
+    x, y, yaw = (float(v) for v in (grid.origin.x, grid.origin.y, grid.origin.theta))
+    return f"resolution: {float(grid.resolution)!r}\norigin: [{x!r}, {y!r}, {yaw!r}]\n"
+
+
+def _quoted(name: str) -> str:
+    """A file name as a YAML scalar, quoted only where it must be."""
+    plain = name.replace(".", "").replace("-", "").replace("_", "")
+    if plain.isascii() and plain.isalnum() and not plain.isdigit() and name[0].isalpha():
+        return name
+    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def write_cells_yaml(grid: GridMap) -> bytes:
+    """A self-contained map."""
+    rows = number_rows(grid.cells).decode("ascii").splitlines()
+    return (_place(grid) + "cells:\n" + "".join(f'  - "{row}"\n' for row in rows)).encode()
