@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from heapq import heappop, heappush, heappushpop
 from pathlib import Path
 
 from mapcli.errors import DataError, FormatError
+from mapcli.formats.ros_messages import settled_angle
 from mapcli.model.log import BeamCounts, Damage, LogOptions, Role, Topic, counted
-from mapcli.model.scan import Odometry, RangeScan, Record
+from mapcli.model.scan import Mount, Odometry, RangeScan, Record
 
 REORDER_RECORDS = 2000
 """Records held back to put stamps in order: some 10 s of a usual robot, a few MB of scans."""
@@ -24,10 +26,12 @@ class Source:
     Attributes:
         name: what the user typed (`-` for standard input); goes into messages.
         path: where the bytes are (a temporary file for standard input).
+        keeps: the temporary file, which is deleted with the last reference to it.
     """
 
     name: str
     path: Path
+    keeps: object = None
 
 
 class StrictDamage(Damage):
@@ -60,6 +64,7 @@ class Log(ABC):
         self.damage: Damage = StrictDamage() if options.strict else Damage()
         self.notes: list[str] = []
         self.beams = BeamCounts()
+        self.laser_pose = options.laser_pose and settled_mount(options.laser_pose)
 
     @abstractmethod
     def topics(self) -> list[Topic]:
@@ -126,13 +131,31 @@ class Log(ABC):
             DataError: no scan topic or no obvious one.
             FormatError: nothing can be read, or the log is damaged and `strict` is set.
         """
+        self.damage.clear()
+        self.beams = BeamCounts()
         self.require_scan_topic()
-        self.find_odom_topic()
+        if self.find_odom_topic() is None:
+            self.note("no odometry: poses come from matching scans alone")
         yield from in_stamp_order(self._records(), self.damage, self.sources[0].name)
 
     @abstractmethod
     def _records(self) -> Iterator[Record]:
         """The records in roughly the order of their stamps."""
+
+
+def settled_mount(mount: Mount) -> Mount:
+    """The mount with its yaw rounded as all angles of logs are (`settled_angle`)."""
+    return Mount(replace(mount.pose, theta=settled_angle(mount.pose.theta)), mount.flipped)
+
+
+def describe_mount(topic: str, mount: Mount) -> str:
+    """Where the laser sits, for a person."""
+    pose = mount.pose
+    flipped = "upside down, " if mount.flipped else ""
+    return (
+        f"laser {topic}: mounted {flipped}at x {pose.x:.3f} m, y {pose.y:.3f} m, "
+        f"yaw {math.degrees(pose.theta):.1f} deg"
+    )
 
 
 def in_stamp_order(records: Iterable[Record], damage: Damage, name: str) -> Iterator[Record]:
@@ -223,5 +246,10 @@ def _candidates(topics: Sequence[Topic], role: Role, wanted: str | None = None) 
 
 def _listed(topics: Sequence[Topic], lead: str) -> str:
     """The topics with their types and counts, or nothing."""
-    texts = [f"{t.name} ({t.type}, {t.encoding}, {t.count:,} messages)" for t in topics]
+    usual = ("cdr", "carmen")
+    texts = [
+        f"{t.name} ({t.type}{'' if t.encoding in usual else f' in {t.encoding}'}, "
+        f"{counted(t.count, 'messages')})"
+        for t in topics
+    ]
     return f"{lead}{', '.join(texts)}" if texts else ""

@@ -71,7 +71,10 @@ def settled_angle(angle: float) -> float:
     """The angle in (-pi, pi), rounded to 1e-9 rad so that it survives a trip through a quaternion.
 
     Every log reader passes its headings through here; that is why a CARMEN log and its import to
-    MCAP give the same poses to the last bit. Rounding pi up would leave the half-open circle, hence
-    the second turn.
+    MCAP give the same poses to the last bit. Rounding may lead out of the circle at pi, hence the
+    second turn.
     """
-    return round(wrap_angle(round(wrap_angle(angle), 9)), 9) + 0.0
+    settled = round(angle, 9) + 0.0  # no -0.0
+    if -3.1415926 < settled < 3.1415926:
+        return settled
+    return round(wrap_angle(round(wrap_angle(angle), 9)), 9)

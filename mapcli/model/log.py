@@ -71,6 +71,10 @@ class Damage:
             if where is not None:
                 self.first.setdefault(what, where)
 
+    def clear(self) -> None:
+        self.counts.clear()
+        self.first.clear()
+
     def lines(self) -> list[str]:
         """What was wrong, one sentence per kind: "3 lines without a valid message (line 17)"."""
         return [
