@@ -62,8 +62,7 @@ class GreyImage:
         """Mean of the channels, as ROS 1 takes it; bytes when there is only one channel."""
         parts = [self.channels[:, :, k] for k in range(self.channels.shape[2])]
         parts += [self.alpha] if with_alpha and self.alpha is not None else []
-        mean: NDArray[Any] = np.mean(parts, axis=0, dtype=np.float64)
-        return parts[0] if len(parts) == 1 else mean
+        return parts[0] if len(parts) == 1 else np.asarray(np.mean(parts, axis=0))
 
 
 @dataclass(frozen=True)
@@ -118,10 +117,9 @@ class GreyRule:
 
     def _ros1(self, image: GreyImage) -> NDArray[np.float32]:
         grey = image.mean(with_alpha=self.mode == "trinary")
-        if grey.dtype == np.uint8:
-            cells = _probabilities(self.percents_ros1(np.arange(256)))[grey]
-        else:
-            cells = _probabilities(self.percents_ros1(grey))
+        whole = grey.dtype == np.uint8
+        percents = self.percents_ros1(np.arange(256))[grey] if whole else self.percents_ros1(grey)
+        cells = _probabilities(percents)
         if image.alpha is not None and self.mode == "scale":
             cells[(image.alpha == 0) & (cells > 0) & (cells < 1)] = np.nan
         return cells
@@ -156,7 +154,8 @@ class GreyRule:
         drift = np.abs(greys - 255 * (occ if self.negate else 1 - occ))
         error = np.abs(self.percents_nav2(greys).astype(np.float64) - percents)
         cost = np.where(np.isnan(error), np.inf, error) * 1000 + drift
-        return np.argmin(cost, axis=1).astype(np.uint8)
+        best: NDArray[np.intp] = np.argmin(cost, axis=1)
+        return best.astype(np.uint8)
 
 
 def _probabilities(percents: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -166,7 +165,8 @@ def _probabilities(percents: NDArray[np.float32]) -> NDArray[np.float32]:
 def _round_half_up(values: NDArray[np.float32]) -> NDArray[np.float32]:
     """As C's round for numbers that are not negative; numpy's own rounds halves to even."""
     whole = np.floor(values)
-    return np.where(values - whole >= np.float32(0.5), whole + np.float32(1), whole)
+    up: NDArray[np.float32] = np.where(values - whole >= 0.5, whole + np.float32(1), whole)
+    return up
 
 
 def trinary_greys(

@@ -1,0 +1,209 @@
+"""What every picture shares: colours, letters, smooth lines and shapes, PNG bytes.
+
+Pillow draws without anti-aliasing, so lines are stamped as overlapping soft discs and small
+shapes are drawn four times too large and shrunk. Pixel coordinates are (x, y), x to the right,
+y down; the centre of the upper left pixel is (0.5, 0.5).
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+Colour = tuple[int, int, int]
+
+WHITE: Colour = (255, 255, 255)
+INK: Colour = (38, 42, 48)
+FAINT_INK: Colour = (112, 118, 126)
+UNKNOWN: Colour = (226, 228, 231)
+RED: Colour = (214, 39, 40)
+BLUE: Colour = (38, 90, 196)
+
+_EARLY_TO_LATE = ((24, 15, 136), (98, 0, 168), (166, 33, 152), (216, 87, 107), (246, 140, 60))
+"""Dark blue to orange: brightness grows with time, and every step shows on white and on grey."""
+
+_SHARPER = 4
+
+
+@lru_cache(maxsize=32)
+def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """Pillow's own typeface, so that pictures do not depend on the machine's fonts."""
+    return ImageFont.load_default(size=size)
+
+
+def time_colours(fractions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Colours of fractions 0 (early) to 1 (late), shape (n, 3), 0..255."""
+    stops = np.linspace(0, 1, len(_EARLY_TO_LATE))
+    channels = np.array(_EARLY_TO_LATE, dtype=np.float64).T
+    return np.column_stack([np.interp(fractions, stops, channel) for channel in channels])
+
+
+def time_colour(fraction: float) -> Colour:
+    """The colour of one moment."""
+    red, green, blue = time_colours(np.array([fraction]))[0]
+    return int(red), int(green), int(blue)
+
+
+def png_bytes(image: Image.Image) -> bytes:
+    """A PNG file of a picture."""
+    out = io.BytesIO()
+    image.save(out, format="PNG", compress_level=6)
+    return out.getvalue()
+
+
+def round_length(metres: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above `metres`."""
+    power = 10.0 ** math.floor(math.log10(metres))
+    return max(step * power for step in (1, 2, 5) if step * power <= metres * (1 + 1e-9))
+
+
+def stamp_line(
+    pixels: NDArray[np.uint8],
+    points: NDArray[np.float64],
+    colours: NDArray[np.float64],
+    radius: float,
+) -> None:
+    """Draw a smooth line of round pen into `pixels`, in place.
+
+    Args:
+        pixels: shape (height, width, 3).
+        points: the line's corners, shape (n, 2).
+        colours: at the corners, shape (n, 3); where the line crosses itself the later one wins.
+        radius: of the pen, pixels.
+    """
+    points, colours = _dense(points, colours)
+    reach = math.ceil(radius + 1)
+    height, width = pixels.shape[:2]
+    inside = ((points > -reach) & (points < (width + reach, height + reach))).all(axis=1)
+    points, colours = points[inside], colours[inside]
+    if len(points) == 0:
+        return
+    x0, y0 = np.maximum(np.floor(points.min(axis=0)).astype(int) - reach, 0)
+    x1, y1 = np.ceil(points.max(axis=0)).astype(int) + reach + 1
+    region = pixels[y0:y1, x0:x1]
+    cover = np.zeros(region.shape[:2], dtype=np.float32)
+    owner = np.zeros(region.shape[:2], dtype=np.int32)
+    rows, columns, amounts, samples = _disc_pixels(points - (x0, y0), radius, reach, cover.shape)
+    np.maximum.at(cover, (rows, columns), amounts)
+    # Faint rims first, so that a later line's rim does not take over an earlier line's core.
+    for firm in (amounts > 0, amounts >= 0.5):
+        owner[rows[firm], columns[firm]] = samples[firm]
+    blend = cover[:, :, None]
+    region[:] = np.rint(region * (1 - blend) + colours[owner] * blend)
+
+
+def _dense(
+    points: NDArray[np.float64], colours: NDArray[np.float64], step: float = 0.7
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The line sampled every `step` pixels, so that discs overlap to a smooth edge."""
+    lengths = np.hypot(*np.diff(points, axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(lengths)])
+    samples = np.linspace(0, along[-1], max(int(along[-1] / step), 1) + 1)
+    parts = np.column_stack([points, colours])
+    dense = np.column_stack([np.interp(samples, along, part) for part in parts.T])
+    return dense[:, :2], dense[:, 2:]
+
+
+def _disc_pixels(
+    centres: NDArray[np.float64], radius: float, reach: int, shape: tuple[int, ...]
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32], NDArray[np.intp]]:
+    """(row, column, coverage, index of the disc) of all pixels that discs touch."""
+    around = np.arange(-reach, reach + 1)
+    corner = np.floor(centres).astype(np.intp)
+    columns = corner[:, 0, None, None] + around[None, None, :]
+    rows = corner[:, 1, None, None] + around[None, :, None]
+    distance = np.hypot(
+        columns + 0.5 - centres[:, 0, None, None], rows + 0.5 - centres[:, 1, None, None]
+    )
+    amounts = np.clip(radius + 0.5 - distance, 0, 1).astype(np.float32)
+    rows, columns = np.broadcast_arrays(rows, columns)
+    used = (amounts > 0) & (rows >= 0) & (columns >= 0)
+    used &= (rows < shape[0]) & (columns < shape[1])
+    samples = np.broadcast_to(np.arange(len(centres))[:, None, None], rows.shape)
+    return rows[used], columns[used], amounts[used], samples[used]
+
+
+def smooth_shape(
+    image: Image.Image,
+    box: tuple[float, float, float, float],
+    draw: Callable[[ImageDraw.ImageDraw, Callable[[float, float], tuple[float, float]]], None],
+) -> None:
+    """Draw a small shape with soft edges.
+
+    Args:
+        image: RGB, changed in place.
+        box: left, top, right, bottom of the pixels that the shape may touch.
+        draw: called with a canvas and the function that puts a point of the image onto it.
+    """
+    left, top = max(math.floor(box[0]), 0), max(math.floor(box[1]), 0)
+    right, bottom = min(math.ceil(box[2]), image.width), min(math.ceil(box[3]), image.height)
+    if right <= left or bottom <= top:
+        return
+    patch = image.crop((left, top, right, bottom))
+    large = patch.resize(
+        (patch.width * _SHARPER, patch.height * _SHARPER), Image.Resampling.NEAREST
+    )
+    draw(ImageDraw.Draw(large), lambda x, y: ((x - left) * _SHARPER, (y - top) * _SHARPER))
+    image.paste(large.reduce(_SHARPER), (left, top))
+
+
+def smooth_polygon(
+    image: Image.Image, corners: Sequence[tuple[float, float]], fill: Colour, edge: Colour,
+    width: float,
+) -> None:  # fmt: skip
+    """A filled polygon with an outline `width` pixels wide."""
+    xs, ys = zip(*corners, strict=True)
+
+    def shape(
+        canvas: ImageDraw.ImageDraw, place: Callable[[float, float], tuple[float, float]]
+    ) -> None:
+        placed = [place(x, y) for x, y in corners]
+        canvas.polygon(placed, fill=fill)
+        if width:
+            canvas.line(
+                [*placed, *placed[:2]], fill=edge, width=round(width * _SHARPER), joint="curve"
+            )
+
+    pad = width + 1
+    smooth_shape(image, (min(xs) - pad, min(ys) - pad, max(xs) + pad, max(ys) + pad), shape)
+
+
+def smooth_disc(
+    image: Image.Image, x: float, y: float, radius: float, fill: Colour, edge: Colour, width: float
+) -> None:
+    """A filled circle with an outline inside it."""
+
+    def shape(
+        canvas: ImageDraw.ImageDraw, place: Callable[[float, float], tuple[float, float]]
+    ) -> None:
+        box = (*place(x - radius, y - radius), *place(x + radius, y + radius))
+        canvas.ellipse(box, fill=fill, outline=edge, width=round(width * _SHARPER))
+
+    pad = radius + 1
+    smooth_shape(image, (x - pad, y - pad, x + pad, y + pad), shape)
+
+
+def arrow_head(x: float, y: float, direction: float, size: float) -> list[tuple[float, float]]:
+    """Corners of an arrow head around (x, y) that points along `direction` (radians, y down)."""
+    shape = np.array([(1.0, 0.0), (-0.8, 0.75), (-0.35, 0.0), (-0.8, -0.75)]) * size
+    cos, sin = math.cos(direction), math.sin(direction)
+    turned = shape @ np.array([[cos, sin], [-sin, cos]]) + (x, y)
+    return [(float(px), float(py)) for px, py in turned]
+
+
+def label(
+    image: Image.Image, x: float, y: float, text: str, size: int, *, anchor: str = "mm",
+    fill: Colour = INK, halo: Colour | None = WHITE,
+) -> None:  # fmt: skip
+    """Letters with a halo that keeps them legible on walls; `anchor` as in Pillow."""
+    stroke = max(round(size / 8), 1) if halo else 0
+    ImageDraw.Draw(image).text(
+        (x, y), text, font=font(size), fill=fill, anchor=anchor,
+        stroke_width=stroke, stroke_fill=halo,
+    )  # fmt: skip
