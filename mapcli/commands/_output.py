@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import BinaryIO, TypeVar
 
@@ -55,14 +55,13 @@ def write_bytes(path: str | Path, data: bytes, *, no_clobber: bool = False) -> N
 def write_files(
     directory: str | Path, files: dict[str, bytes], *, no_clobber: bool = False
 ) -> None:
-    """Write several files of one result in the order given, after checking that all may be."""
-    for name in files if no_clobber else ():
-        if (Path(directory) / name).exists():
-            raise OutputError(
-                "exists already, and --no-clobber is set", file=Path(directory) / name
-            )
-    for name, data in files.items():
-        write_bytes(Path(directory) / name, data)
+    """Write the files of one result in the order given: all of them, or none when one cannot be
+    written, so that an older pair of image and YAML never ends up half replaced."""
+    with ExitStack() as stack:
+        # Files appear when their context closes, the last opened first.
+        for name, data in reversed(files.items()):
+            path = Path(directory) / name
+            stack.enter_context(output_file(path, no_clobber=no_clobber)).write(data)
 
 
 def progress(
