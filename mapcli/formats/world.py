@@ -1,0 +1,133 @@
+"""Worlds in YAML: the continuous map of Sect. 9.1.
+
+    polygons:                    # solid obstacles: x and y of each vertex, metres, y up
+      - [[0, 0], [4, 0], [4, 0.1], [0, 0.1]]
+    points:                      # landmarks
+      - [2, 2]
+
+Either key may be left out, other keys are ignored. A grid map of any format is a world as well.
+Numbers are written as the shortest text that reads back as the same number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from mapcli.errors import DataError
+from mapcli.formats.maps import SUFFIXES, load_map, read_file, sniff
+from mapcli.formats.yaml_map import Document
+from mapcli.model.grid import GridMap
+from mapcli.model.world import World
+
+KEYS = {"polygons", "points"}
+
+
+@dataclass(frozen=True)
+class LoadedWorld:
+    """A world, continuous or as a grid, and what its reader should know (see `LoadedMap`)."""
+
+    world: World | GridMap
+    warnings: tuple[str, ...] = ()
+
+
+def load_world(path: str | Path) -> LoadedWorld:
+    """Load a continuous map or a grid map from a file, or from standard input for `-`.
+
+    Raises:
+        FormatError: the file holds neither, naming line and key.
+    """
+    path = Path(path)
+    data = read_file(path)
+    if (SUFFIXES.get(path.suffix.lower()) or sniff(data)) == "yaml":
+        document = Document.parse(data, str(path))
+        if not KEYS.isdisjoint(document.nodes) and "image" not in document.nodes:
+            return LoadedWorld(_world(document))
+    # The bytes at hand are handed on, because standard input can be read only once.
+    loaded = load_map(path, read=lambda file: data if file == path else read_file(file))
+    return LoadedWorld(loaded.grid, loaded.warnings)
+
+
+def read_world(data: bytes, file: str) -> World:
+    """A continuous map from YAML.
+
+    Raises:
+        FormatError: broken YAML, neither polygons nor points, or a bad one of them.
+    """
+    document = Document.parse(data, file)
+    if KEYS.isdisjoint(document.nodes):
+        raise document.error("polygons", "key is missing", "a list of polygons")
+    return _world(document)
+
+
+def write_world(world: World) -> bytes:
+    """A continuous map as YAML, one polygon or point a line."""
+    lines = []
+    if world.polygons or not len(world.points):
+        lines += ["polygons:" if world.polygons else "polygons: []"]
+        lines += [f"  - [{', '.join(map(_pair, polygon))}]" for polygon in world.polygons]
+    if len(world.points):
+        lines += ["points:", *(f"  - {_pair(point)}" for point in world.points)]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _pair(point: Iterable[float]) -> str:
+    return f"[{', '.join(repr(float(value)).removesuffix('.0') for value in point)}]"
+
+
+def _world(document: Document) -> World:
+    polygons = tuple(
+        _polygon(document, node, f"polygons[{i}]")
+        for i, node in enumerate(_items(document, "polygons"))
+    )
+    points = _points(document, _items(document, "points"), "points")
+    return World(polygons, points)
+
+
+def _items(document: Document, key: str) -> list[yaml.Node]:
+    """The list under a key; nothing when the key is absent or empty."""
+    node = document.nodes.get(key)
+    if node is None or (isinstance(node, yaml.ScalarNode) and not node.value):
+        return []
+    return _list(document, key, node, f"a list of {key}")
+
+
+def _list(document: Document, key: str, node: yaml.Node, expected: str) -> list[yaml.Node]:
+    if not isinstance(node, yaml.SequenceNode):
+        raise document.error(key, "not a list", expected, node)
+    return list(node.value)
+
+
+def _polygon(document: Document, node: yaml.Node, key: str) -> NDArray[np.float64]:
+    vertices = _list(document, key, node, "a list of vertices, [[x, y], ...]")
+    polygon = _points(document, vertices, key)
+    try:
+        return World((polygon,)).polygons[0]
+    except DataError as error:
+        raise document.error(key, error.problem, str(error.expected), node) from error
+
+
+def _points(document: Document, nodes: list[yaml.Node], key: str) -> NDArray[np.float64]:
+    points = [_point(document, node, f"{key}[{i}]") for i, node in enumerate(nodes)]
+    return np.array(points, dtype=np.float64).reshape(-1, 2)
+
+
+def _point(document: Document, node: yaml.Node, key: str) -> list[float]:
+    expected = "x and y, two numbers"
+    values = [
+        value.value if isinstance(value, yaml.ScalarNode) else "a list"
+        for value in _list(document, key, node, expected)
+    ]
+    try:
+        x, y = map(float, values)
+    except ValueError:
+        shown = f"[{', '.join(map(str, values))}]"[:60]
+        raise document.error(key, f"{shown} is no point", expected, node) from None
+    if not np.isfinite([x, y]).all():
+        raise document.error(key, f"[{x:g}, {y:g}] is not finite", expected, node)
+    return [x, y]
