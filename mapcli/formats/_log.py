@@ -136,7 +136,13 @@ class Log(ABC):
         self.require_scan_topic()
         if self.find_odom_topic() is None:
             self.note("no odometry: poses come from matching scans alone")
-        yield from in_stamp_order(self._records(), self.damage, self.sources[0].name)
+        name, scans = self.sources[0].name, 0
+        for record in in_stamp_order(self._records(), self.damage, name):
+            scans += isinstance(record, RangeScan)
+            yield record
+        if not scans:
+            reasons = f" ({'; '.join(self.damage.lines())})" if self.damage.counts else ""
+            raise FormatError(f"not one scan can be read{reasons}", file=name)
 
     @abstractmethod
     def _records(self) -> Iterator[Record]:
