@@ -80,6 +80,16 @@ def book_image(
     return image
 
 
+def cells_passed(grid: GridMap, points: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """The map's cells that a path through world points, shape (n, 2), visits one after another."""
+    cells = grid.cells_of_world(points)
+    inside = (cells >= 0).all(axis=1) & (cells < (grid.rows, grid.columns)).all(axis=1)
+    cells = cells[inside]
+    fresh = np.ones(len(cells), dtype=bool)
+    fresh[1:] = (np.diff(cells, axis=0) != 0).any(axis=1)
+    return [(int(row), int(column)) for row, column in cells[fresh]]
+
+
 def _cells_image(
     grid: GridMap, robots: Sequence[tuple[int, int]], size: int, margin: int, low: float,
     unknown: tuple[int, int, int],

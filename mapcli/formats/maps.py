@@ -144,6 +144,7 @@ def load_map(
     dialect: Dialect = "nav2",
     resolution: float | None = None,
     origin: Pose2D | None = None,
+    form: Format | None = None,
     read: ReadBytes = read_file,
 ) -> LoadedMap:
     """Load a map of any format.
@@ -152,6 +153,7 @@ def load_map(
         path: the file, or `-` for standard input.
         dialect: whose rules give an image's grey its meaning (see `grey.py`).
         resolution, origin: used in the place of what the file says.
+        form: the format, when it is known otherwise than by suffix or content.
         read: where bytes come from.
 
     Raises:
@@ -162,10 +164,10 @@ def load_map(
     data = read(path)
     if not data.strip():
         raise FormatError("is empty", file=path, expected="a map")
-    kind = SUFFIXES.get(path.suffix.lower()) or sniff(data)
+    kind = form or SUFFIXES.get(path.suffix.lower()) or sniff(data)
     if kind == "txt":
-        grid, form = read_text(data, str(path))
-        loaded = LoadedMap(grid, f"text, {form}", (path,))
+        grid, cells = read_text(data, str(path))
+        loaded = LoadedMap(grid, f"text, {cells}", (path,))
     elif kind == "yaml":
         loaded = _load_yaml(path, data, dialect, read)
     else:

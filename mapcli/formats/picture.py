@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mapcli.formats.book_picture import book_image
+from mapcli.formats.book_picture import book_image, cells_passed
 from mapcli.formats.drawing import png_bytes
 from mapcli.formats.floor_plan import plan_image
 from mapcli.formats.plan_view import PlanView, plan_pixels, view_of
@@ -17,6 +17,7 @@ __all__ = [
     "PlanView",
     "book_image",
     "book_picture",
+    "cells_passed",
     "floor_plan",
     "plan_image",
     "plan_pixels",

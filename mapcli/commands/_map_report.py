@@ -1,0 +1,84 @@
+"""What `mapcli info` says about a map."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from pathlib import Path
+from typing import Any
+
+from mapcli.formats.document import document
+from mapcli.formats.grey import Dialect
+from mapcli.formats.maps import LoadedMap, load_map, read_file
+
+OCCUPIED_FROM = 0.5
+"""Cells from this probability on count as occupied, as in `--low` of the other commands."""
+
+
+def map_report(file: str, dialect: Dialect) -> tuple[str, dict[str, Any]]:
+    """What to print about a map, and the same as a document."""
+    digests: dict[str, str] = {}
+
+    def reading(path: Path) -> bytes:
+        data = read_file(path)
+        digests[path.name] = hashlib.sha256(data).hexdigest()
+        return data
+
+    loaded = load_map(file, dialect=dialect, read=reading)
+    content = describe(loaded)
+    text = "\n".join([f"{file}: map, {loaded.format}", *_lines(content)])
+    parameters = {"dialect": dialect, "occupied_from": OCCUPIED_FROM}
+    return text, document("mapcli.map-info", digests, parameters, content)
+
+
+def describe(loaded: LoadedMap) -> dict[str, Any]:
+    """The facts about a map, ready for JSON."""
+    grid, rule = loaded.grid, loaded.rule
+    known = int(grid.known.sum())
+    occupied = int((grid.cells >= OCCUPIED_FROM).sum())
+    graded = int(((grid.cells > 0) & (grid.cells < 1)).sum())
+    image = None if rule is None else {
+        "mode": rule.mode, "negate": rule.negate,
+        "free_thresh": rule.free_thresh, "occupied_thresh": rule.occupied_thresh,
+    }  # fmt: skip
+    return {
+        "kind": loaded.format,
+        "rows": grid.rows,
+        "columns": grid.columns,
+        "resolution": grid.resolution,
+        "origin": {"x": grid.origin.x, "y": grid.origin.y, "theta": grid.origin.theta},
+        "image": image,
+        "cells": {
+            "free": known - occupied,
+            "occupied": occupied,
+            "unknown": grid.cells.size - known,
+            "between_0_and_1": graded,
+        },
+        "warnings": list(loaded.warnings),
+    }
+
+
+def _lines(content: dict[str, Any]) -> list[str]:
+    """The facts for a person, one a line."""
+    rows, columns, resolution = content["rows"], content["columns"], content["resolution"]
+    origin, cells, image = content["origin"], content["cells"], content["image"]
+
+    def share(name: str) -> str:
+        return f"{cells[name]:,} {name} ({cells[name] / (rows * columns):.1%})"
+
+    lines = [
+        f"  size        {rows} rows, {columns} columns; "
+        f"{columns * resolution:g} x {rows * resolution:g} m",
+        f"  resolution  {resolution:g} m per cell",
+        f"  origin      x {origin['x']:g} m, y {origin['y']:g} m, "
+        f"yaw {math.degrees(origin['theta']):g} deg",
+    ]
+    if image:
+        bounds = f"free up to {image['free_thresh']:g}, occupied from {image['occupied_thresh']:g}"
+        bounds = "" if image["mode"] == "raw" else f", {bounds}"
+        negate = ", negated" if image["negate"] else ""
+        lines.append(f"  mode        {image['mode']}{bounds}{negate}")
+    lines.append(f"  cells       {share('free')}, {share('occupied')}, {share('unknown')}")
+    if cells["between_0_and_1"]:
+        lines.append(f"              {cells['between_0_and_1']:,} of them between 0 and 1")
+    return lines + [f"  warning     {warning}" for warning in content["warnings"]]

@@ -1,0 +1,90 @@
+"""`mapcli info`: what is in a map or a log."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mapcli.commands._options import common_options, no_clobber_option
+from mapcli.commands._output import write_bytes
+
+LOG_SUFFIXES = (".mcap", ".log", ".clf", ".gz", ".bag", ".db3")
+LOG_STARTS = (b"\x89MCAP", b"\x1f\x8b", b"#ROSBAG", b"SQLite format 3")
+
+
+@click.command(short_help="Say what is in a map or a log.")
+@click.argument("files", metavar="FILE...", nargs=-1, required=True)
+@click.option("--json", "json_file", metavar="F", help="Write it as JSON; - is standard output.")
+@click.option(
+    "--dialect",
+    type=click.Choice(("nav2", "ros1")),
+    default="nav2",
+    show_default=True,
+    help="Whose rules say what the grey of a map's image means.",
+)
+@no_clobber_option
+@common_options
+def command(
+    files: tuple[str, ...], json_file: str | None, dialect: Any, no_clobber: bool,
+    quiet: bool, verbose: bool,
+) -> None:  # fmt: skip
+    """Say what is in a map (size, place, cells, warnings) or a log (topics, times, check-up).
+
+    Of several files, JSON is a list with one document for each.
+
+    \b
+    Examples:
+      mapcli info map.yaml
+      mapcli info robot.mcap
+      mapcli info map.yaml --json - | jq .cells
+    """
+    reports = [_report(file, dialect, verbose=verbose) for file in files]
+    if not quiet and json_file != "-":
+        click.echo("\n\n".join(text for text, _ in reports))
+    if json_file is not None:
+        from mapcli.formats.document import json_bytes
+
+        documents = [document for _, document in reports]
+        content = json_bytes(documents if len(documents) > 1 else documents[0])
+        write_bytes(json_file, content, no_clobber=no_clobber)
+
+
+def _report(file: str, dialect: Any, *, verbose: bool) -> tuple[str, dict[str, Any]]:
+    """What to print about a file, and the same as a document."""
+    if _is_log(file):
+        from mapcli.commands._log_report import log_report
+
+        return log_report(file, verbose=verbose)
+    from mapcli.commands._map_report import map_report
+
+    return map_report(file, dialect)
+
+
+def _is_log(file: str) -> bool:
+    """By suffix; standard input and other names by their first bytes. A folder is a bag."""
+    suffix = Path(file).suffix.lower()
+    if suffix in LOG_SUFFIXES or (file != "-" and Path(file).is_dir()):
+        return True
+    if suffix in (".txt", ".yaml", ".yml", ".pgm", ".png"):
+        return False
+    start = _first_bytes(file)
+    if start.startswith(LOG_STARTS):
+        return True
+    from mapcli.formats.carmen_lines import looks_like_carmen
+
+    return looks_like_carmen(start)
+
+
+def _first_bytes(file: str) -> bytes:
+    if file == "-":
+        # Looked at, not taken: the reader that is chosen reads from the first byte on.
+        peek = getattr(sys.stdin.buffer, "peek", None)
+        return bytes(peek(1)) if peek else b""
+    try:
+        with Path(file).open("rb") as opened:
+            return opened.read(1 << 16)
+    except OSError:
+        return b""  # the map reader says what is wrong

@@ -1,0 +1,69 @@
+"""The JSON documents of mapcli: one head for all of them.
+
+{"format": "mapcli.pose-trace", "version": 1, "mapcli": "0.1.0",
+ "input": [{"file": "robot.mcap", "sha256": "..."}], "parameters": {...}, ...}
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from mapcli import __version__
+from mapcli.errors import FormatError
+
+
+def document(
+    form: str,
+    inputs: Mapping[str, str],
+    parameters: Mapping[str, Any],
+    content: Mapping[str, Any],
+) -> dict[str, Any]:
+    """A document with its head.
+
+    Args:
+        form: its format, "mapcli.map-info".
+        inputs: file name (without folders) -> SHA-256 of its bytes.
+        parameters: what the result depends on besides the inputs.
+        content: the rest, in order.
+    """
+    return {
+        "format": form,
+        "version": 1,
+        "mapcli": __version__,
+        "input": [{"file": name, "sha256": digest} for name, digest in inputs.items()],
+        "parameters": dict(parameters),
+        **content,
+    }
+
+
+def json_bytes(content: Any) -> bytes:
+    """JSON as mapcli writes it: UTF-8, indented, shortest numbers, a newline at the end."""
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+    return f"{text}\n".encode()
+
+
+def read_document(data: bytes, file: str, form: str) -> dict[str, Any]:
+    """The content of a document of the given format.
+
+    Raises:
+        FormatError: no JSON, another format, or a later version.
+    """
+    try:
+        content = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        line = getattr(error, "lineno", None)
+        raise FormatError(
+            f"is not JSON: {getattr(error, 'msg', error)}",
+            file=file,
+            where=f"line {line}" if line else None,
+            expected=form,
+        ) from error
+    found = content.get("format") if isinstance(content, dict) else None
+    if found != form:
+        raise FormatError(f"has the format {found!r}", file=file, expected=form)
+    if content.get("version") != 1:
+        version = content.get("version")
+        raise FormatError(f"has version {version!r} of {form}", file=file, expected="version 1")
+    return dict(content)

@@ -1,0 +1,59 @@
+"""Pose traces: where the robot was, as `mapcli slam-replay` writes it (`mapcli.pose-trace`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.errors import FormatError
+from mapcli.formats.document import read_document
+from mapcli.formats.maps import read_file
+
+POSE_TRACE = "mapcli.pose-trace"
+
+
+@dataclass(frozen=True, eq=False)
+class TracePoses:
+    """The poses of a trace in time order.
+
+    Attributes:
+        stamps_ns: shape (n,), nanoseconds.
+        poses: shape (n, 3): x, y in metres, theta in radians.
+    """
+
+    stamps_ns: NDArray[np.int64]
+    poses: NDArray[np.float64]
+
+
+def load_trace_poses(path: str | Path) -> TracePoses:
+    """Read the poses of a trace, from standard input for `-`.
+
+    Raises:
+        FormatError: no such file, not a trace, a pose without its numbers.
+    """
+    file = str(path)
+    poses = read_document(read_file(Path(path)), file, POSE_TRACE).get("poses")
+    if not isinstance(poses, list):
+        raise FormatError("has no list of poses", file=file, expected=POSE_TRACE)
+    rows = []
+    for k, pose in enumerate(poses):
+        try:
+            rows.append((int(pose["stamp_ns"]), *(float(pose[key]) for key in ("x", "y", "theta"))))
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise _bad_pose(file, k, error) from error
+    stamps = np.array([row[0] for row in rows], dtype=object)
+    numbers = np.array([row[1:] for row in rows], dtype=np.float64).reshape(-1, 3)
+    bad = ~np.isfinite(numbers).all(axis=1) | (np.abs(stamps) >= 2**63)
+    if bad.any():
+        raise _bad_pose(file, int(np.argmax(bad)), None)
+    return TracePoses(stamps.astype(np.int64), numbers)
+
+
+def _bad_pose(file: str, index: int, error: Exception | None) -> FormatError:
+    missing = f"no {error}" if isinstance(error, KeyError) else "a bad number"
+    return FormatError(
+        f"has {missing}", file=file, where=f"pose {index}", expected="stamp_ns, x, y and theta"
+    )
