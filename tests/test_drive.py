@@ -140,6 +140,10 @@ def test_never_faster_than_the_limits(path: list[Waypoint], cut: float) -> None:
     [
         ([], "the path has 0 waypoint(s); expected the start and at least one more to drive to"),
         (waypoints((1, 2)), "the path has 1 waypoint(s)"),
+        (waypoints((0, 0), (1e9, 0)), "the drive takes 2e+09 s; expected at most a week"),
+        (waypoints((0, 0), (1e300, -1e308)), "the drive takes"),
+        (waypoints((-1e308, 0), (1e308, 0)), "expected at most a week"),
+        ([Waypoint(0, 0), Waypoint(1, 0, speed=5e-324)], "the drive takes inf s"),
         (waypoints((0, 0), (1, 2), (1, 2)), "waypoint 3 is at the same place as the one before"),
     ],
 )
@@ -150,7 +154,7 @@ def test_paths_that_are_none(path: list[Waypoint], message: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["speed", "acceleration", "turn_rate_deg", "corner_cut"])
-@pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
+@pytest.mark.parametrize("value", [-1.0, 5e-324, math.nan, math.inf])
 def test_limits_are_checked(name: str, value: float) -> None:
     with pytest.raises(DataError, match=f"{name} is"):
         MotionLimits(**{name: value})

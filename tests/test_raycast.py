@@ -70,6 +70,12 @@ def test_beyond_reach_is_inf() -> None:
     assert cast(edges, Pose2D(), 0.0, 1.0, 1, 2.0).tolist() == [2.0]
 
 
+def test_a_world_of_astronomic_size() -> None:
+    edges = edges_of(World.of([[[-1e308, -1e308], [1e308, -1e308], [0, 1e308]]]))
+    assert cast(edges, Pose2D(), 0.0, 1.0, 3, 9.0).tolist() == [INF] * 3
+    assert clearance(edges, np.zeros((1, 2)), 9.0).tolist() == [INF]
+
+
 def test_no_edges_no_return() -> None:
     assert cast(edges_of(World()), Pose2D(), 0.0, 1.0, 3, 9.0).tolist() == [INF] * 3
 

@@ -202,6 +202,7 @@ def test_range_noise_and_dropout() -> None:
     [
         (lambda: LaserModel(rate=0), "rate is 0; expected more than 0"),
         (lambda: LaserModel(beams=0), "beams is 0"),
+        (lambda: LaserModel(beams=10**18), "beams is 1000000000000000000; expected at most"),
         (lambda: LaserModel(fov_deg=361), "fov_deg is 361; expected degrees, up to 360"),
         (lambda: LaserModel(range_max=math.inf), "range_max is inf"),
         (lambda: LaserModel(range_min=13), "range_min is 13; expected less than range_max"),

@@ -25,6 +25,10 @@ SHARP = math.radians(150)
 """Corners that turn more than this are turned on the spot: their arcs would hardly move."""
 
 
+LONGEST = 7 * 86_400.0
+"""Seconds that a drive may take; more is a slip of the pen in the path."""
+
+
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
     """What the robot's drive can do.
@@ -37,7 +41,7 @@ class MotionLimits:
             of a right-angled one; 0 turns on the spot.
 
     Raises:
-        DataError: a limit that is not a positive finite number (`corner_cut` may be 0).
+        DataError: a limit outside 1e-6 to 1e6 (`corner_cut` may be 0).
     """
 
     speed: float = 0.5
@@ -49,8 +53,8 @@ class MotionLimits:
     def __post_init__(self) -> None:
         for item in fields(self):
             value = getattr(self, item.name)
-            if not (0 < value < math.inf or (value == 0 and item.name == "corner_cut")):
-                raise DataError(f"{item.name} is {value:g}", expected="more than 0")
+            if not (1e-6 <= value <= 1e6 or (value == 0 and item.name == "corner_cut")):
+                raise DataError(f"{item.name} is {value:g}", expected="more than 0, up to 1e6")
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +186,8 @@ def plan_drive(waypoints: Sequence[Waypoint], limits: MotionLimits | None = None
     waypoint facing along its path, and ends at the last.
 
     Raises:
-        DataError: fewer than two waypoints, or two in a row at the same place.
+        DataError: fewer than two waypoints, two in a row at the same place, or a drive of more
+            than a week.
     """
     limits = limits or MotionLimits()
     if len(waypoints) < 2:
@@ -191,7 +196,10 @@ def plan_drive(waypoints: Sequence[Waypoint], limits: MotionLimits | None = None
             expected="the start and at least one more to drive to",
         )
     pieces = _pieces(_legs(waypoints, limits), limits)
-    return Drive(tuple(pieces), tuple(_profiles(pieces, limits)), waypoints[0].pause)
+    drive = Drive(tuple(pieces), tuple(_profiles(pieces, limits)), waypoints[0].pause)
+    if not drive.duration <= LONGEST:
+        raise DataError(f"the drive takes {drive.duration:g} s", expected="at most a week")
+    return drive
 
 
 @dataclass(frozen=True, slots=True)

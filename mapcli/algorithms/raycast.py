@@ -83,6 +83,7 @@ def edges_near(edges: Floats, low: Floats, high: Floats) -> Floats:
     return edges[near.all(axis=1)]
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def clearance(edges: Floats, points: Floats, reach: float) -> Floats:
     """Distance of each point, shape (n, 2), to the nearest edge; inf when beyond `reach`."""
     edges = edges_near(edges, points.min(axis=0) - reach, points.max(axis=0) + reach)
@@ -96,6 +97,7 @@ def clearance(edges: Floats, points: Floats, reach: float) -> Floats:
     return np.asarray(np.where(gap <= reach, gap, np.inf), dtype=np.float64)
 
 
+@np.errstate(all="ignore")  # parallel to an edge, or a world of astronomic size: no return
 def cast(
     edges: Floats, laser: Pose2D, angle_min: float, increment: float, beams: int, reach: float
 ) -> Floats:
@@ -143,8 +145,7 @@ def _distances(edges: Floats, bearings: Floats) -> Floats:
     """Distance from the origin to each edge along each bearing, shape (n,); inf when missed."""
     (ax, ay), (bx, by) = edges[:, 0].T, edges[:, 1].T
     ex, ey = bx - ax, by - ay
-    with np.errstate(divide="ignore", invalid="ignore"):
-        length = (ax * ey - ay * ex) / (np.cos(bearings) * ey - np.sin(bearings) * ex)
+    length = (ax * ey - ay * ex) / (np.cos(bearings) * ey - np.sin(bearings) * ex)
     # A beam along an edge, or one let in by the slack beside a nearly edge-on edge, ends where
     # the neighbouring edges say.
     farthest = np.maximum(np.hypot(ax, ay), np.hypot(bx, by)) * (1 + SLACK)

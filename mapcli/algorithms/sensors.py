@@ -18,6 +18,8 @@ from mapcli.model.scan import Mount, RangeScan
 GRAIN = 2.0**-10
 """Ranges are measured in steps of about a millimetre; a power of two, because that compresses."""
 
+MOST_BEAMS = 1_000_000
+
 FaultKind = Literal["reverse-sign", "slip", "freeze"]
 FAULT_KINDS: tuple[str, ...] = get_args(FaultKind)
 
@@ -134,6 +136,8 @@ class LaserModel:
 
     def __post_init__(self) -> None:
         _check_positive(rate=self.rate, beams=self.beams, range_max=self.range_max)
+        if self.beams > MOST_BEAMS:
+            raise DataError(f"beams is {self.beams}", expected=f"at most {MOST_BEAMS:,}")
         if not 0 < self.fov_deg <= 360:
             raise DataError(f"fov_deg is {self.fov_deg:g}", expected="degrees, up to 360")
         if not 0 <= self.range_min < self.range_max:

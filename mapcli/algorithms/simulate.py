@@ -175,8 +175,9 @@ def check_clearance(world: World | GridMap, drive: Drive, radius: float = ROBOT_
 def _in_blocks(drive: Drive, metres: float, size: int = 64) -> Iterator[NDArray[np.float64]]:
     """Times at most so many metres of driving apart, in blocks that are close together."""
     speed = max(profile.peak for profile in drive.profiles)
-    times = np.linspace(0, drive.duration, math.ceil(drive.duration * speed / metres) + 2)
-    return (times[i : i + size] for i in range(0, len(times), size))
+    step = max(metres, 0.001) / speed
+    for first in range(0, math.ceil(drive.duration / step) + 1, size):
+        yield np.minimum(np.arange(first, first + size) * step, drive.duration)
 
 
 def _stamp(time: float) -> int:
