@@ -29,6 +29,8 @@ _EARLY_TO_LATE = ((24, 15, 136), (98, 0, 168), (166, 33, 152), (216, 87, 107), (
 """Dark blue to orange: brightness grows with time, and every step shows on white and on grey."""
 
 _SHARPER = 4
+_BATCH = 50_000
+_MOST_SAMPLES = 2_000_000
 
 
 @lru_cache(maxsize=32)
@@ -73,14 +75,15 @@ def stamp_line(
 
     Args:
         pixels: shape (height, width, 3).
-        points: the line's corners, shape (n, 2).
+        points: the line's corners, shape (n, 2); what lies outside is not drawn.
         colours: at the corners, shape (n, 3); where the line crosses itself the later one wins.
         radius: of the pen, pixels.
     """
-    points, colours = _dense(points, colours)
-    reach = math.ceil(radius + 1)
     height, width = pixels.shape[:2]
-    inside = ((points > -reach) & (points < (width + reach, height + reach))).all(axis=1)
+    points, colours = _dense(points, colours, (width, height))
+    reach = math.ceil(radius + 1)
+    limit = np.array([width + reach, height + reach])
+    inside = np.all((points > -reach) & (points < limit), axis=1)
     points, colours = points[inside], colours[inside]
     if len(points) == 0:
         return
@@ -89,31 +92,37 @@ def stamp_line(
     region = pixels[y0:y1, x0:x1]
     cover = np.zeros(region.shape[:2], dtype=np.float32)
     owner = np.zeros(region.shape[:2], dtype=np.int32)
-    rows, columns, amounts, samples = _disc_pixels(points - (x0, y0), radius, reach, cover.shape)
-    np.maximum.at(cover, (rows, columns), amounts)
-    # Faint rims first, so that a later line's rim does not take over an earlier line's core.
-    for firm in (amounts > 0, amounts >= 0.5):
-        owner[rows[firm], columns[firm]] = samples[firm]
+    for first in range(0, len(points), _BATCH):
+        _stamp_discs(cover, owner, points[first : first + _BATCH] - (x0, y0), radius, first)
     blend = cover[:, :, None]
     region[:] = np.rint(region * (1 - blend) + colours[owner] * blend)
 
 
 def _dense(
-    points: NDArray[np.float64], colours: NDArray[np.float64], step: float = 0.7
+    points: NDArray[np.float64], colours: NDArray[np.float64], size: tuple[int, int]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The line sampled every `step` pixels, so that discs overlap to a smooth edge."""
+    """The line sampled every 0.7 pixels, so that discs overlap to a smooth edge.
+
+    Stretches that are wholly outside, however long, take no samples.
+    """
+    outside = np.any((points < 0) | (points > np.array(size)), axis=1)
+    points = np.clip(points, -max(size), 2 * max(size))
     lengths = np.hypot(*np.diff(points, axis=0).T)
+    lengths[outside[1:] & outside[:-1]] = 0
     along = np.concatenate([[0.0], np.cumsum(lengths)])
-    samples = np.linspace(0, along[-1], max(int(along[-1] / step), 1) + 1)
+    count = min(int(along[-1] / 0.7), _MOST_SAMPLES)
+    samples = np.linspace(0, along[-1], max(count, 1) + 1)
     parts = np.column_stack([points, colours])
     dense = np.column_stack([np.interp(samples, along, part) for part in parts.T])
     return dense[:, :2], dense[:, 2:]
 
 
-def _disc_pixels(
-    centres: NDArray[np.float64], radius: float, reach: int, shape: tuple[int, ...]
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float32], NDArray[np.intp]]:
-    """(row, column, coverage, index of the disc) of all pixels that discs touch."""
+def _stamp_discs(
+    cover: NDArray[np.float32], owner: NDArray[np.int32], centres: NDArray[np.float64],
+    radius: float, first: int,
+) -> None:  # fmt: skip
+    """Add discs to what is covered, and by which sample; samples are counted from `first`."""
+    reach = math.ceil(radius + 1)
     around = np.arange(-reach, reach + 1)
     corner = np.floor(centres).astype(np.intp)
     columns = corner[:, 0, None, None] + around[None, None, :]
@@ -124,9 +133,15 @@ def _disc_pixels(
     amounts = np.clip(radius + 0.5 - distance, 0, 1).astype(np.float32)
     rows, columns = np.broadcast_arrays(rows, columns)
     used = (amounts > 0) & (rows >= 0) & (columns >= 0)
-    used &= (rows < shape[0]) & (columns < shape[1])
-    samples = np.broadcast_to(np.arange(len(centres))[:, None, None], rows.shape)
-    return rows[used], columns[used], amounts[used], samples[used]
+    used &= (rows < cover.shape[0]) & (columns < cover.shape[1])
+    samples = np.broadcast_to(np.arange(len(centres))[:, None, None] + first, rows.shape)[used]
+    rows, columns, amounts = rows[used], columns[used], amounts[used]
+    # A faint rim must not take over the core of an earlier stretch, only fill what is empty.
+    firm = (amounts >= 0.5) | (amounts > cover[rows, columns])
+    owner[rows[firm], columns[firm]] = samples[firm]
+    np.maximum.at(cover, (rows, columns), amounts)
+    firm = amounts >= 0.5
+    owner[rows[firm], columns[firm]] = samples[firm]
 
 
 def smooth_shape(

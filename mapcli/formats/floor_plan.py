@@ -203,6 +203,8 @@ def _draw_path(
         smooth_disc(
             image, x, y, size * layout.unit, time_colour(fractions[k]), WHITE, 2 * layout.unit
         )
+        room = 15 * layout.unit + font(layout.letters).getlength(text)
+        side = 1 if x - room < view.x else -1 if x + room > view.x + view.width else side
         anchor = "lm" if side > 0 else "rm"
         label(image, x + side * 15 * layout.unit, y, text, layout.letters, anchor=anchor)
     return image
@@ -212,9 +214,9 @@ def _arrows(
     image: Image.Image, view: PlanView, layout: _Layout, points: NDArray[np.float64],
     fractions: NDArray[np.float64], headings: NDArray[np.float64] | None,
 ) -> None:  # fmt: skip
-    """Arrow heads along the path, far enough apart not to crowd it."""
+    """Arrow heads along the path, at most forty and far enough apart not to crowd it."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    spacing = 0.09 * max(view.width, view.height)
+    spacing = max(0.09 * max(view.width, view.height), along[-1] / 40)
     for distance in np.arange(spacing, along[-1] - spacing / 3, spacing):
         k = int(np.searchsorted(along, distance))
         if headings is not None:

@@ -82,7 +82,10 @@ def _window(grid: GridMap, path: NDArray[np.float64] | None) -> tuple[int, int, 
     if rows.size == 0:
         rows, columns = np.array([0, grid.rows - 1]), np.array([0, grid.columns - 1])
     if path is not None and len(path):
-        cells = grid.cells_of_world(path)
+        # A path that leaves the map by more than the map's size would leave nothing of the map.
+        reach = max(grid.rows, grid.columns)
+        limit = (grid.rows - 1 + reach, grid.columns - 1 + reach)
+        cells = np.clip(grid.fractional_cells_of_world(path), -reach, limit).round().astype(int)
         rows, columns = np.append(rows, cells[:, 0]), np.append(columns, cells[:, 1])
     margin = max(2, round(0.02 * max(np.ptp(rows), np.ptp(columns))))
     return (

@@ -17,7 +17,6 @@ ignored. Numbers are written as the shortest text that reads back as the same nu
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import yaml
@@ -25,11 +24,20 @@ import yaml
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.grey import MODES, GreyRule
 from mapcli.formats.text import TextRows, number_rows
+from mapcli.formats.yaml_document import Document
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-_MAX_DEPTH = 50
+__all__ = [
+    "CellsYaml",
+    "Document",
+    "ImageMeta",
+    "image_meta_lines",
+    "read_image_meta",
+    "read_yaml",
+    "write_cells_yaml",
+]
+
 _TRUTHS = {"true": True, "yes": True, "on": True, "y": True,
            "false": False, "no": False, "off": False, "n": False}  # fmt: skip
 
@@ -55,7 +63,15 @@ class ImageMeta:
     warnings: tuple[str, ...] = ()
 
 
-def read_yaml(data: bytes, file: str) -> ImageMeta | GridMap:
+@dataclass(frozen=True, eq=False)
+class CellsYaml:
+    """A self-contained map, and what was odd."""
+
+    grid: GridMap
+    warnings: tuple[str, ...] = ()
+
+
+def read_yaml(data: bytes, file: str) -> ImageMeta | CellsYaml:
     """Read a map's YAML: the metadata of an image, or a whole map with `cells`.
 
     Raises:
@@ -73,102 +89,6 @@ def read_yaml(data: bytes, file: str) -> ImageMeta | GridMap:
             expected="a grid map; `mapcli rasterize` turns polygons into one",
         )
     return read_image_meta(document)
-
-
-class Document:
-    """The keys of a YAML mapping, with errors that name file, key and line."""
-
-    def __init__(self, root: yaml.MappingNode, file: str) -> None:
-        self.file = file
-        self.root = root
-        self.nodes: dict[str, yaml.Node] = {}
-        for key, value in root.value:
-            name = str(key.value) if isinstance(key, yaml.ScalarNode) else ""
-            if name in self.nodes:
-                raise self.error(name, "given twice", "each key once", node=key)
-            self.nodes[name] = value
-
-    @classmethod
-    def parse(cls, data: bytes, file: str) -> Document:
-        """Compose without constructing: nodes know their lines, and nothing is executed."""
-        try:
-            _refuse_deep_nesting(data, file)
-            root = yaml.compose(data.decode("utf-8-sig", "replace"), Loader=_LOADER)
-        except (yaml.YAMLError, ValueError, RecursionError) as error:
-            mark = getattr(error, "problem_mark", None)
-            raise FormatError(
-                f"broken YAML: {getattr(error, 'problem', None) or error}",
-                file=file,
-                where=f"line {mark.line + 1}" if mark else None,
-            ) from error
-        if not isinstance(root, yaml.MappingNode):
-            raise FormatError("not a YAML mapping", file=file, expected="`key: value` lines")
-        return cls(root, file)
-
-    def error(
-        self, key: str, problem: str, expected: str, node: yaml.Node | None = None
-    ) -> FormatError:
-        node = node or self.nodes.get(key) or self.root
-        return FormatError(
-            f"{key}: {problem}",
-            file=self.file,
-            where=f"line {node.start_mark.line + 1}",
-            expected=expected,
-        )
-
-    def require(self, key: str, expected: str) -> yaml.Node:
-        if key not in self.nodes:
-            raise self.error(key, "key is missing", expected)
-        return self.nodes[key]
-
-    def text(self, key: str, expected: str) -> str:
-        node = self.require(key, expected)
-        if not isinstance(node, yaml.ScalarNode) or not node.value:
-            raise self.error(key, "not a text" if node.value else "empty", expected)
-        return str(node.value)
-
-    def number(self, key: str, expected: str) -> float:
-        value = _number(self.require(key, expected))
-        if value is None or not math.isfinite(value):
-            raise self.error(key, f"{_shown(self.nodes[key])} is not a number", expected)
-        return value
-
-    def numbers(self, key: str, count: int, expected: str) -> list[float]:
-        node = self.require(key, expected)
-        values = [_number(n) for n in node.value] if isinstance(node, yaml.SequenceNode) else []
-        if len(values) != count or None in values:
-            raise self.error(key, f"{_shown(node)}", expected)
-        return [value for value in values if value is not None]
-
-
-def _refuse_deep_nesting(data: bytes, file: str) -> None:
-    """A map nests three deep; the C parser of a file of brackets would overflow its stack."""
-    depth = 0
-    for event in yaml.parse(data.decode("utf-8-sig", "replace"), Loader=_LOADER):
-        depth += isinstance(event, yaml.CollectionStartEvent)
-        depth -= isinstance(event, yaml.CollectionEndEvent)
-        if depth > _MAX_DEPTH:
-            raise FormatError(
-                f"lists nested deeper than {_MAX_DEPTH}",
-                file=file,
-                expected="a map",
-            )
-
-
-def _number(node: yaml.Node) -> float | None:
-    """The number a scalar spells, nan and inf included; YAML's own typing would miss 1e-3."""
-    text = node.value if isinstance(node, yaml.ScalarNode) else ""
-    try:
-        return float(text.replace(".nan", "nan").replace(".inf", "inf").replace("_", "?"))
-    except ValueError:
-        return None
-
-
-def _shown(node: yaml.Node) -> str:
-    if isinstance(node, yaml.ScalarNode):
-        return repr(node.value[:40])
-    count = len(node.value) if isinstance(node.value, Sequence) else 0
-    return f"a list of {count}" if isinstance(node, yaml.SequenceNode) else "a mapping"
 
 
 def read_image_meta(document: Document, *, embedded: bool = False) -> ImageMeta:
@@ -232,7 +152,7 @@ def _truth(document: Document, key: str) -> bool:
         raise document.error(key, f"{text!r}", "0 or 1") from None
 
 
-def _read_cells(document: Document) -> GridMap:
+def _read_cells(document: Document) -> CellsYaml:
     rows = TextRows(document.file)
     node = document.nodes["cells"]
     if isinstance(node, yaml.ScalarNode):
@@ -244,14 +164,14 @@ def _read_cells(document: Document) -> GridMap:
             _add_row(rows, row, f"line {row.start_mark.line + 1}")
     else:
         raise document.error("cells", "a mapping", "a list of rows")
-    nodes = document.nodes
-    place = {}
-    if "resolution" in nodes:
+    place: dict[str, list[float]] = {}
+    warnings: list[str] = []
+    if "resolution" in document.nodes:
         place["resolution"] = [_resolution(document)]
-    if "origin" in nodes:
-        origin = _origin(document, [])
+    if "origin" in document.nodes:
+        origin = _origin(document, warnings)
         place["origin"] = [origin.x, origin.y, origin.theta]
-    return rows.grid(place)
+    return CellsYaml(rows.grid(place), tuple(warnings))
 
 
 def _add_row(rows: TextRows, row: yaml.Node, place: str) -> None:
