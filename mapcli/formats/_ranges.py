@@ -42,15 +42,20 @@ def rep117(
     result = ranges.astype(np.float32)
     beams.total += len(result)
     far = result >= np.float32(range_max)
-    no_return = int(np.count_nonzero(far))
-    if no_return:
-        result[far] = np.inf
+    if no_return := int(np.count_nonzero(far)):
+        np.putmask(result, far, np.inf)
         beams.no_return += no_return
-    odd = ~(result >= np.float32(range_min)) | (result == 0)
-    if odd.any():
-        values = result[odd]
-        invalid = np.isnan(values) | ((values <= 0) & (values != -np.inf))
-        result[odd] = np.where(invalid, np.float32(np.nan), np.float32(-np.inf))
-        beams.invalid += (count := int(np.count_nonzero(invalid)))
-        beams.too_close += len(values) - count
+    nearest = np.minimum.reduce(result, initial=np.inf)  # NaN if there is any
+    if not (nearest > 0 and nearest >= range_min):
+        _settle_near(result, np.float32(range_min), beams)
     return result
+
+
+def _settle_near(result: NDArray[np.float32], range_min: np.float32, beams: BeamCounts) -> None:
+    """Sort the readings below the limit into invalid and too close, in place."""
+    invalid = ~(result > 0) & (result != -np.inf)  # NaN is not more than 0 either
+    close = (result < range_min) & ~invalid
+    np.putmask(result, invalid, np.nan)
+    np.putmask(result, close, -np.inf)
+    beams.invalid += int(np.count_nonzero(invalid))
+    beams.too_close += int(np.count_nonzero(close))

@@ -1,8 +1,4 @@
-"""ROS 2 message types: the built-in definitions, and shorthands to build and take apart messages.
-
-The definitions come from rosbags, so that a log whose schemas are missing, in IDL or from another
-ROS distribution is read all the same: the types used here never changed between distributions.
-"""
+"""ROS 2 messages to be written: rosbags' definitions, and shorthands to build them."""
 
 from __future__ import annotations
 
