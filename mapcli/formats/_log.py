@@ -11,8 +11,9 @@ from heapq import heappop, heappush, heappushpop
 from pathlib import Path
 
 from mapcli.errors import DataError, FormatError
+from mapcli.formats._topics import choose_odom_topic, choose_scan_topic
 from mapcli.formats.ros_messages import settled_angle
-from mapcli.model.log import BeamCounts, Damage, LogOptions, Role, Topic, counted
+from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, Topic, counted
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record
 
 REORDER_RECORDS = 2000
@@ -54,7 +55,8 @@ class Log(ABC):
         damage: what was wrong, counted.
         notes: what the user should know about how the log is understood.
         beams: what became of the beams of the scans yielded so far.
-        scan_count: scans on the chosen topic; None where unknown.
+        disordered: scans and odometry records that came after one of a later stamp.
+        delays: topic -> how much later than stamped its messages were recorded.
     """
 
     def __init__(self, sources: Sequence[Source], options: LogOptions) -> None:
@@ -64,6 +66,8 @@ class Log(ABC):
         self.damage: Damage = StrictDamage() if options.strict else Damage()
         self.notes: list[str] = []
         self.beams = BeamCounts()
+        self.disordered = 0
+        self.delays: dict[str, Delay] = {}
         self.laser_pose = options.laser_pose and settled_mount(options.laser_pose)
 
     @abstractmethod
@@ -89,8 +93,15 @@ class Log(ABC):
 
     @property
     def scan_count(self) -> int | None:
+        """Scans on the chosen topic, as far as the log tells before it is read."""
         name = self.scan_topic
         return next((topic.count for topic in self.topics() if topic.name == name), None)
+
+    @property
+    def record_count(self) -> int | None:
+        """About how many records there will be, for a progress bar."""
+        names = self.scan_topic, self.odom_topic
+        return sum(topic.count for topic in self.topics() if topic.name in names) or None
 
     def require_scan_topic(self) -> Topic:
         """The topic of the scans.
@@ -132,21 +143,51 @@ class Log(ABC):
             FormatError: nothing can be read, or the log is damaged and `strict` is set.
         """
         self.damage.clear()
-        self.beams = BeamCounts()
+        self.beams, self.disordered, self.delays = BeamCounts(), 0, {}
         self.require_scan_topic()
         if self.find_odom_topic() is None:
             self.note("no odometry: poses come from matching scans alone")
-        name, scans = self.sources[0].name, 0
-        for record in in_stamp_order(self._records(), self.damage, name):
-            scans += isinstance(record, RangeScan)
-            yield record
+        scans = 0
+        try:
+            for record in self._in_stamp_order(self._records()):
+                scans += isinstance(record, RangeScan)
+                yield record
+        except OSError as error:
+            raise FormatError(str(error.strerror or error).lower(), file=self.name) from error
         if not scans:
             reasons = f" ({'; '.join(self.damage.lines())})" if self.damage.counts else ""
-            raise FormatError(f"not one scan can be read{reasons}", file=name)
+            raise FormatError(f"not one scan can be read{reasons}", file=self.sources[0].name)
 
     @abstractmethod
     def _records(self) -> Iterator[Record]:
         """The records in roughly the order of their stamps."""
+
+    def _in_stamp_order(self, records: Iterable[Record]) -> Iterator[Record]:
+        """The records sorted by stamp within a window of `REORDER_RECORDS`; equal ones stay.
+
+        A record that comes later than that with a stamp before one already given out is dropped
+        and counted: after a clock was set back, mapcli cannot know which of two moments is meant.
+        A stray stamp in the future harms nobody; it waits for its turn at the end.
+        """
+        heap: list[tuple[int, int, Record]] = []
+        given, latest = -1, dict[type[Record], int]()
+        for arrival, record in enumerate(records):
+            stamp, kind = record.stamp_ns, type(record)
+            if stamp < latest.get(kind, 0):
+                self.disordered += 1
+            else:
+                latest[kind] = stamp
+            if stamp < given:
+                what = f"{_plural(record)} with a stamp that jumps back, dropped"
+                where = f"at {stamp * 1e-9:.3f} s"
+                self.damage.add(what, file=self.sources[0].name, where=where)
+            elif len(heap) < REORDER_RECORDS:
+                heappush(heap, (stamp, arrival, record))
+            else:
+                given, _, ready = heappushpop(heap, (stamp, arrival, record))
+                yield ready
+        while heap:
+            yield heappop(heap)[2]
 
 
 def settled_mount(mount: Mount) -> Mount:
@@ -164,98 +205,7 @@ def describe_mount(topic: str, mount: Mount) -> str:
     )
 
 
-def in_stamp_order(records: Iterable[Record], damage: Damage, name: str) -> Iterator[Record]:
-    """The records sorted by stamp within a window of `REORDER_RECORDS`; equal stamps stay as is.
-
-    A record that comes later than that with a stamp before one already given out is dropped and
-    counted: after a clock was set back, mapcli cannot know which of two moments is meant. A stray
-    stamp in the future harms nobody; it waits for its turn at the end.
-    """
-    heap: list[tuple[int, int, Record]] = []
-    last = None
-    for arrival, record in enumerate(records):
-        entry = record.stamp_ns, arrival, record
-        if last is not None and record.stamp_ns < last:
-            damage.add(
-                f"{_plural(record)} with a stamp that jumps back, dropped",
-                file=name,
-                where=f"at {record.stamp_ns * 1e-9:.3f} s",
-            )
-        elif len(heap) < REORDER_RECORDS:
-            heappush(heap, entry)
-        else:
-            last, _, ready = heappushpop(heap, entry)
-            yield ready
-    while heap:
-        yield heappop(heap)[2]
-
-
 def _plural(record: Record) -> str:
     if isinstance(record, RangeScan):
         return "scans"
     return "odometry records" if isinstance(record, Odometry) else "poses"
-
-
-def choose_scan_topic(topics: Sequence[Topic], wanted: str | None, name: str) -> Topic:
-    """The topic to read scans from: the one named, or the only candidate.
-
-    Raises:
-        DataError: see `Log.require_scan_topic`.
-    """
-    candidates = _candidates(topics, "scan", wanted)
-    if len(candidates) == 1:
-        return candidates[0]
-    if wanted is not None:
-        raise DataError(
-            f"no scan topic {wanted}{_listed(_candidates(topics, 'scan'), ' among ')}", file=name
-        )
-    if candidates:
-        raise DataError(
-            f"several scan topics{_listed(candidates, ': ')}",
-            file=name,
-            expected="one of them named with --scan-topic",
-        )
-    raise DataError(
-        f"no range scans{_listed(topics, ' among ')}",
-        file=name,
-        expected="a topic of sensor_msgs/msg/LaserScan, or FLASER or ROBOTLASER1 lines",
-    )
-
-
-def choose_odom_topic(topics: Sequence[Topic], wanted: str | None, name: str) -> Topic | None:
-    """The topic to read odometry from: the one named, the only candidate, or else /tf.
-
-    Raises:
-        DataError: see `Log.find_odom_topic`.
-    """
-    odometry = _candidates(topics, "odometry", wanted)
-    transforms = _candidates(topics, "tf", wanted)
-    if len(odometry) > 1:
-        raise DataError(
-            f"several odometry topics{_listed(odometry, ': ')}",
-            file=name,
-            expected="one of them named with --odom-topic",
-        )
-    if wanted is not None and not odometry + transforms:
-        known = _candidates(topics, "odometry") + _candidates(topics, "tf")
-        raise DataError(f"no odometry topic {wanted}{_listed(known, ' among ')}", file=name)
-    return next(iter(odometry + transforms), None)
-
-
-def _candidates(topics: Sequence[Topic], role: Role, wanted: str | None = None) -> list[Topic]:
-    return [
-        t
-        for t in topics
-        if t.role == role and (t.count > 0 if wanted is None else t.name == wanted)
-    ]
-
-
-def _listed(topics: Sequence[Topic], lead: str) -> str:
-    """The topics with their types and counts, or nothing."""
-    usual = ("cdr", "carmen")
-    texts = [
-        f"{t.name} ({t.type}{'' if t.encoding in usual else f' in {t.encoding}'}, "
-        f"{counted(t.count, 'messages')})"
-        for t in topics
-    ]
-    return f"{lead}{', '.join(texts)}" if texts else ""

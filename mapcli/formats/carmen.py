@@ -142,6 +142,10 @@ class CarmenLog(Log):
             for name, count in sorted(self._survey.counts.items())
         ]
 
+    @property
+    def record_count(self) -> int | None:
+        return (super().record_count or 0) + (self.scan_count or 0)
+
     def find_odom_topic(self) -> Topic | None:
         """ODOM, or the scans themselves, which carry their odometry."""
         scan = self.scan_topic
@@ -212,6 +216,9 @@ class CarmenLog(Log):
             name = message_name(line)
             if name is not None:
                 yield number, name, line
+            elif line.strip() and not line.lstrip().startswith(b"#"):
+                what = "lines of nonsense, skipped"
+                damage.add(what, file=source.name, where=f"line {number}")
 
     def _mount(self, scan_name: str) -> Mount:
         if self.laser_pose is not None:

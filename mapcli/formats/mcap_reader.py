@@ -18,7 +18,7 @@ from mapcli.formats.ros_decode import LaserScan, Transform
 from mapcli.formats.ros_messages import NANOSECONDS
 from mapcli.formats.ros_robot import Robot, TfOdometry, find_robot
 from mapcli.formats.ros_scan import range_scan
-from mapcli.model.log import Damage, LogOptions, Role, Topic
+from mapcli.model.log import Damage, Delay, LogOptions, Role, Topic
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record
 
 ROLES: dict[str, Role] = {
@@ -158,6 +158,7 @@ class McapLog(Log):
             if log_time_ns:
                 self.note(f"{topic.name}: stamps of 0, the time of recording is used")
         if 0 <= stamp_ns < LATEST_STAMP_NS:
+            self.delays.setdefault(topic.name, Delay()).add(log_time_ns - stamp_ns)
             return stamp_ns
         what = f"messages on {topic.name} with an impossible stamp, dropped"
         self.damage.add(what, file=self.sources[0].name, where=f"at {stamp_ns / NANOSECONDS:g} s")

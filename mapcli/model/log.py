@@ -111,6 +111,26 @@ class BeamCounts:
     invalid: int = 0
 
 
+@dataclass
+class Delay:
+    """How much later than stamped messages were recorded, nanoseconds (mutable)."""
+
+    count: int = 0
+    total_ns: int = 0
+    least_ns: int = 0
+    most_ns: int = 0
+
+    def add(self, delay_ns: int) -> None:
+        self.least_ns = min(self.least_ns, delay_ns) if self.count else delay_ns
+        self.most_ns = max(self.most_ns, delay_ns) if self.count else delay_ns
+        self.count += 1
+        self.total_ns += delay_ns
+
+    @property
+    def mean_s(self) -> float:
+        return self.total_ns / max(self.count, 1) * 1e-9
+
+
 def select(
     records: Iterable[Record],
     start_s: float | None = None,

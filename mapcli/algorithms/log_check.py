@@ -1,0 +1,187 @@
+"""A check-up of a log before mapping: what its scans and odometry are like, and what is odd."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.model.pose import wrap_angle
+from mapcli.model.scan import Odometry, RangeScan, Record
+
+GAP_PERIODS = 5.0
+"""A gap is more than this many usual periods..."""
+GAP_S = 1.0
+"""...and more than this, seconds."""
+
+FASTEST_M_S, FASTEST_RAD_S = 10.0, 2 * math.tau
+"""Faster odometry is a jump. Robots that map floor plans do 2 m/s."""
+SHORTEST_STEP_S = 0.1
+"""Stamps come in bursts; a step counts as at least this long."""
+
+
+@dataclass(frozen=True)
+class Rhythm:
+    """How regularly records come.
+
+    Attributes:
+        count, first_ns, last_ns: records, and their stamps.
+        period_s: usual time between two (median); 0 for fewer than two.
+        gaps: times without records that are much longer than usual.
+        longest_gap_s, longest_gap_at_s: the longest of them, and when it starts, counted from
+            the log's first record; 0 without gaps.
+        same_stamps: records with the stamp of the one before.
+    """
+
+    count: int
+    first_ns: int
+    last_ns: int
+    period_s: float
+    gaps: int
+    longest_gap_s: float
+    longest_gap_at_s: float
+    same_stamps: int
+
+
+@dataclass(frozen=True)
+class CheckUp:
+    """What a log is like (all in metres, seconds and radians).
+
+    Attributes:
+        start_ns, end_ns: stamps of the first and the last record.
+        scans, odometry: their rhythms.
+        beams: fewest and most beams of a scan.
+        bearings: least and greatest bearing in the laser's frame.
+        range_limits: least and greatest limit that the scans tell.
+        repeated_scans: scans with the very ranges of the one before.
+        scans_outside_odometry: scans before the first or after the last odometry.
+        distance_m: length of the way by odometry.
+        turned_rad: sum of all turns by odometry.
+        jumps: steps of the odometry that no robot makes.
+        first_jump_at_s: when, counted from the first record; None without jumps.
+    """
+
+    start_ns: int
+    end_ns: int
+    scans: Rhythm
+    odometry: Rhythm
+    beams: tuple[int, int]
+    bearings: tuple[float, float]
+    range_limits: tuple[float, float]
+    repeated_scans: int
+    scans_outside_odometry: int
+    distance_m: float
+    turned_rad: float
+    jumps: int
+    first_jump_at_s: float | None
+
+
+class _Checking:
+    """Looks at records one by one; keeps eight bytes of each (stateful)."""
+
+    def __init__(self) -> None:
+        self.start: int | None = None
+        self.end = 0
+        self.scan_stamps, self.odometry_stamps = array("q"), array("q")
+        self.beams = [math.inf, 0.0]
+        self.bearings = [math.inf, -math.inf]
+        self.limits = [math.inf, 0.0]
+        self.repeated = self.jumps = 0
+        self.distance = self.turned = 0.0
+        self.first_jump_at_s: float | None = None
+        self._last_scan: RangeScan | None = None
+        self._last_odometry: Odometry | None = None
+
+    def add(self, record: Record) -> None:
+        self.start = record.stamp_ns if self.start is None else self.start
+        self.end = record.stamp_ns
+        if isinstance(record, RangeScan):
+            self._add_scan(record)
+        elif isinstance(record, Odometry):
+            self._add_odometry(record)
+
+    def _add_scan(self, scan: RangeScan) -> None:
+        self.scan_stamps.append(scan.stamp_ns)
+        n = len(scan.ranges)
+        ends = scan.angle_min, scan.angle_min + scan.angle_increment * (n - 1)
+        for extremes, least, most in (
+            (self.beams, n, n),
+            (self.bearings, min(ends), max(ends)),
+            (self.limits, scan.range_min, scan.range_max),
+        ):
+            extremes[0], extremes[1] = min(extremes[0], least), max(extremes[1], most)
+        last = self._last_scan
+        if last is not None and np.array_equal(last.ranges, scan.ranges, equal_nan=True):
+            self.repeated += 1
+        self._last_scan = scan
+
+    def _add_odometry(self, odometry: Odometry) -> None:
+        self.odometry_stamps.append(odometry.stamp_ns)
+        last, self._last_odometry = self._last_odometry, odometry
+        if last is None:
+            return
+        way = last.pose.distance(odometry.pose)
+        turn = abs(wrap_angle(odometry.pose.theta - last.pose.theta))
+        time = max((odometry.stamp_ns - last.stamp_ns) * 1e-9, SHORTEST_STEP_S)
+        if way > FASTEST_M_S * time or turn > FASTEST_RAD_S * time:
+            self.jumps += 1
+            if self.first_jump_at_s is None:
+                self.first_jump_at_s = (odometry.stamp_ns - (self.start or 0)) * 1e-9
+        else:
+            self.distance += way
+            self.turned += turn
+
+    def result(self) -> CheckUp:
+        start = self.start or 0
+        scans, odometry = np.array(self.scan_stamps), np.array(self.odometry_stamps)
+        outside = 0
+        if len(odometry):
+            outside = int(np.count_nonzero((scans < odometry[0]) | (scans > odometry[-1])))
+        return CheckUp(
+            start,
+            self.end,
+            _rhythm(scans, start),
+            _rhythm(odometry, start),
+            (int(min(self.beams)) if len(scans) else 0, int(self.beams[1])),
+            (self.bearings[0], self.bearings[1]) if len(scans) else (0.0, 0.0),
+            (self.limits[0], self.limits[1]) if len(scans) else (0.0, 0.0),
+            self.repeated,
+            outside,
+            self.distance,
+            self.turned,
+            self.jumps,
+            self.first_jump_at_s,
+        )
+
+
+def check_log(records: Iterable[Record]) -> CheckUp:
+    """Look a log over.
+
+    Args:
+        records: in stamp order; read once, never held.
+    """
+    checking = _Checking()
+    for record in records:
+        checking.add(record)
+    return checking.result()
+
+
+def _rhythm(stamps: NDArray[np.int64], start_ns: int) -> Rhythm:
+    if len(stamps) == 0:
+        return Rhythm(0, 0, 0, 0.0, 0, 0.0, 0.0, 0)
+    first, last = int(stamps[0]), int(stamps[-1])
+    steps = np.diff(stamps) * 1e-9
+    period = float(np.median(steps)) if len(steps) else 0.0
+    # Where stamps come in bursts, the mean says more about what is usual than the median.
+    usual = max(period, (last - first) * 1e-9 / max(len(steps), 1))
+    gaps = np.flatnonzero(steps > max(GAP_PERIODS * usual, GAP_S))
+    longest, at = 0.0, 0.0
+    if len(gaps):
+        widest = gaps[np.argmax(steps[gaps])]
+        longest, at = float(steps[widest]), float(stamps[widest] - start_ns) * 1e-9
+    same = int(np.count_nonzero(steps == 0))
+    return Rhythm(len(stamps), first, last, period, len(gaps), longest, at, same)

@@ -1,0 +1,136 @@
+"""The options with which every command that reads a log reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import wraps
+from typing import Any, TypeVar
+
+import click
+
+from mapcli.commands._options import POSE
+from mapcli.formats.logs import Log, open_log
+from mapcli.model.log import LogOptions, select
+from mapcli.model.scan import Mount, Record
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+DEFAULTS = LogOptions()
+
+
+class LaserPoseType(click.ParamType[Any]):
+    """`X,Y,YAW_DEG[,flip]` on the command line, a `Mount` inside."""
+
+    name = "X,Y,YAW_DEG[,flip]"
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        return self.name
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        if isinstance(value, Mount):
+            return value
+        numbers, comma, last = str(value).rpartition(",")
+        flipped = comma and last.strip() == "flip"
+        try:
+            return Mount(POSE.convert(numbers if flipped else value, param, ctx), bool(flipped))
+        except click.BadParameter:
+            self.fail(f"{value!r} is not of the form {self.name}.", param, ctx)
+
+
+@dataclass(frozen=True)
+class LogInput:
+    """What part of a log is read, and how.
+
+    Attributes:
+        options: topics, mount, clock and strictness.
+        start_s, end_s, every: see `model.log.select`.
+    """
+
+    options: LogOptions = DEFAULTS
+    start_s: float | None = None
+    end_s: float | None = None
+    every: int = 1
+
+    def open(self, paths: Sequence[str]) -> Log:
+        """Open the recording. Raises what `open_log` raises."""
+        return open_log(paths, self.options)
+
+    def records(self, log: Log) -> Iterator[Record]:
+        """The records asked for."""
+        return select(log.records(), self.start_s, self.end_s, self.every)
+
+    def parameters(self) -> dict[str, Any]:
+        """The effective parameters, for the head of a document."""
+        options = asdict(self.options)
+        options.pop("strict")  # changes whether there is a result, never the result
+        return {**options, "start_s": self.start_s, "end_s": self.end_s, "every": self.every}
+
+
+SECONDS = click.FloatRange(0)
+OPTIONS = (
+    click.option(
+        "--scan-topic", metavar="TOPIC", help="Where the scans are, if there are several."
+    ),
+    click.option("--odom-topic", metavar="TOPIC", help="Where the odometry is; may be /tf."),
+    click.option(
+        "--laser-pose",
+        type=LaserPoseType(),
+        help="Where the laser sits on the robot, in metres and degrees, instead of what the log "
+        "says; `flip` if it hangs upside down.",
+    ),
+    click.option(
+        "--time-source",
+        type=click.Choice(("header", "log")),
+        default=DEFAULTS.time_source,
+        show_default=True,
+        help="Use the stamps in the messages, or the times they were recorded at.",
+    ),
+    click.option("--start", type=SECONDS, metavar="S", help="Leave out the first S seconds."),
+    click.option("--end", type=SECONDS, metavar="S", help="Stop S seconds after the log's start."),
+    click.option(
+        "--every",
+        type=click.IntRange(1),
+        default=1,
+        show_default=True,
+        metavar="N",
+        help="Use every N-th scan.",
+    ),
+    click.option(
+        "--strict", is_flag=True, help="Refuse a damaged log instead of using what can be read."
+    ),
+)
+
+
+def log_input_options(command: Command) -> Command:
+    """Add the options; the command receives them as one argument, `log_input: LogInput`."""
+
+    @wraps(command)
+    def with_input(
+        *args: Any,
+        scan_topic: str | None,
+        odom_topic: str | None,
+        laser_pose: Mount | None,
+        time_source: Any,
+        start: float | None,
+        end: float | None,
+        every: int,
+        strict: bool,
+        **rest: Any,
+    ) -> Any:
+        if start is not None and end is not None and end < start:
+            raise click.UsageError("--end is before --start.")
+        options = LogOptions(scan_topic, odom_topic, laser_pose, time_source, strict)
+        return command(*args, log_input=LogInput(options, start, end, every), **rest)
+
+    for option in reversed(OPTIONS):
+        with_input = option(with_input)
+    return with_input  # type: ignore[return-value]
+
+
+def say_notes(log: Log) -> None:
+    """Tell on stderr how a log was understood and what was wrong with it."""
+    for text in log.notes:
+        click.echo(f"Note: {text}", err=True)
+    for text in log.damage.lines():
+        click.echo(f"Warning: {log.name}: {text}", err=True)

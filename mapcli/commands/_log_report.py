@@ -1,0 +1,223 @@
+"""What `mapcli info` says about a log."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
+from typing import Any
+
+from mapcli.algorithms.log_check import CheckUp, Rhythm, check_log
+from mapcli.errors import DataError, FormatError
+from mapcli.formats.document import document
+from mapcli.formats.logs import Log, open_log
+from mapcli.model.log import LogOptions, Topic, counted
+from mapcli.model.scan import Mount, RangeScan, Record
+
+DELAY_S = 1.0
+"""Scans and odometry recorded with delays that differ by more than this have other clocks."""
+
+STILL_M, STILL_DEG = 0.01, 1.0
+"""A robot that moves and turns less stands."""
+
+
+def log_report(file: str, *, verbose: bool = False) -> tuple[str, dict[str, Any]]:
+    """What to print about a log, and the same as a document.
+
+    Args:
+        verbose: list topics that mapping does not need, too.
+
+    Raises:
+        FormatError: nothing can be read.
+    """
+    log = open_log([file], LogOptions())
+    content = describe(log)
+    text = "\n".join([f"{file}: log", *_lines(content, verbose)])
+    return text, document("mapcli.log-info", {log.name: log.sha256()}, {}, content)
+
+
+def describe(log: Log) -> dict[str, Any]:
+    """The facts about a log, ready for JSON. Reads the log."""
+    mounts: dict[Mount, None] = {}
+    trouble: list[str] = []
+    try:
+        check = check_log(_noting_mounts(log.records(), mounts))
+    except (DataError, FormatError) as error:
+        check = check_log([])
+        trouble = [f"slam-replay cannot use it: {error.problem}; expected {error.expected}"]
+        if error.expected is None:
+            trouble = [f"slam-replay cannot use it: {error.problem}"]
+    used = check.scans.count > 0
+    return {
+        "kind": "log",
+        "duration_s": _seconds(check.end_ns - check.start_ns),
+        "start_ns": check.start_ns,
+        "end_ns": check.end_ns,
+        "topics": [_topic(topic) for topic in log.topics()],
+        "uses": {
+            "scan_topic": log.scan_topic if used else None,
+            "odom_topic": log.odom_topic if used else None,
+        },
+        "scans": _scans(log, check) if used else None,
+        "lasers": [{**asdict(mount.pose), "flipped": mount.flipped} for mount in mounts if used],
+        "odometry": _odometry(check) if check.odometry.count else None,
+        "delays_s": {
+            name: _seconds(delay.total_ns / delay.count) for name, delay in log.delays.items()
+        },
+        "damage": dict(log.damage.counts),
+        "notes": list(log.notes),
+        "warnings": [*trouble, *log.damage.lines(), *(_warnings(log, check) if used else ())],
+    }
+
+
+def _noting_mounts(records: Iterable[Record], mounts: dict[Mount, None]) -> Iterator[Record]:
+    for record in records:
+        if isinstance(record, RangeScan):
+            mounts[record.mount] = None
+        yield record
+
+
+def _seconds(nanoseconds: float) -> float:
+    return round(nanoseconds * 1e-9, 6)
+
+
+def _topic(topic: Topic) -> dict[str, Any]:
+    span = topic.last_ns - topic.first_ns
+    rate = round((topic.count - 1) / (span * 1e-9), 3) if span > 0 and topic.count > 1 else None
+    return {
+        "name": topic.name,
+        "role": topic.role,
+        "type": topic.type,
+        "encoding": topic.encoding,
+        "count": topic.count,
+        "rate_hz": rate,
+    }
+
+
+def _rhythm(rhythm: Rhythm) -> dict[str, Any]:
+    return {
+        "count": rhythm.count,
+        "period_s": round(rhythm.period_s, 6),
+        "gaps": rhythm.gaps,
+        "longest_gap_s": round(rhythm.longest_gap_s, 6),
+        "longest_gap_at_s": round(rhythm.longest_gap_at_s, 6),
+        "same_stamps": rhythm.same_stamps,
+    }
+
+
+def _scans(log: Log, check: CheckUp) -> dict[str, Any]:
+    beams = log.beams
+    return {
+        **_rhythm(check.scans),
+        "beams": list(check.beams),
+        "bearings_deg": [round(math.degrees(bearing), 4) for bearing in check.bearings],
+        "range_min": check.range_limits[0],
+        "range_max": check.range_limits[1] if math.isfinite(check.range_limits[1]) else None,
+        "no_return_share": round(beams.no_return / max(beams.total, 1), 6),
+        "too_close_share": round(beams.too_close / max(beams.total, 1), 6),
+        "invalid_share": round(beams.invalid / max(beams.total, 1), 6),
+        "repeated": check.repeated_scans,
+        "outside_odometry": check.scans_outside_odometry,
+    }
+
+
+def _odometry(check: CheckUp) -> dict[str, Any]:
+    return {
+        **_rhythm(check.odometry),
+        "distance_m": round(check.distance_m, 3),
+        "turned_deg": round(math.degrees(check.turned_rad), 1),
+        "jumps": check.jumps,
+        "first_jump_at_s": check.first_jump_at_s and round(check.first_jump_at_s, 3),
+    }
+
+
+def _warnings(log: Log, check: CheckUp) -> Iterator[str]:
+    """What is odd about a log that can be read."""
+    for name, rhythm in (("scans", check.scans), ("odometry", check.odometry)):
+        if rhythm.gaps:
+            yield (
+                f"{counted(rhythm.gaps, f'gaps in the {name}')}, the longest of "
+                f"{rhythm.longest_gap_s:.1f} s at {rhythm.longest_gap_at_s:.1f} s"
+            )
+    if log.disordered:
+        yield f"{counted(log.disordered, 'records out of order')}, put in order by their stamps"
+    if check.scans.same_stamps:
+        yield counted(check.scans.same_stamps, "scans with the stamp of the one before")
+    if check.repeated_scans:
+        yield counted(check.repeated_scans, "scans with the very ranges of the one before")
+    yield from _clock_warnings(log, check)
+    yield from _odometry_warnings(check)
+
+
+def _clock_warnings(log: Log, check: CheckUp) -> Iterator[str]:
+    if check.scans_outside_odometry:
+        yield counted(
+            check.scans_outside_odometry, "scans before the first or after the last odometry"
+        )
+    scan, odom = log.delays.get(log.scan_topic or ""), log.delays.get(log.odom_topic or "")
+    if scan and odom and abs(scan.mean_s - odom.mean_s) > DELAY_S:
+        yield (
+            f"scans were recorded {scan.mean_s:.1f} s after their stamps, odometry "
+            f"{odom.mean_s:.1f} s: their clocks differ; try --time-source log"
+        )
+
+
+def _odometry_warnings(check: CheckUp) -> Iterator[str]:
+    if check.jumps:
+        jumps = counted(check.jumps, "jumps of the odometry")
+        yield f"{jumps}, the first at {check.first_jump_at_s:.1f} s"
+    if (
+        check.odometry.count
+        and check.distance_m < STILL_M
+        and math.degrees(check.turned_rad) < STILL_DEG
+    ):
+        yield "the odometry never moves"
+
+
+def _lines(content: dict[str, Any], verbose: bool) -> Iterator[str]:
+    """The facts for a person, one a line."""
+    scans, odometry, uses = content["scans"], content["odometry"], content["uses"]
+    if scans:
+        yield f"  duration    {content['duration_s']:,.1f} s"
+    topics = [t for t in content["topics"] if verbose or t["role"] != "other"]
+    for topic in topics:
+        rate = f", {topic['rate_hz']:g} per second" if topic["rate_hz"] else ""
+        used = " <- used" if topic["name"] in uses.values() else ""
+        yield (
+            f"  topic       {topic['name']}: {counted(topic['count'], 'messages')}{rate}, "
+            f"{topic['type']} ({topic['encoding']}){used}"
+        )
+    if hidden := len(content["topics"]) - len(topics):
+        yield f"              and {counted(hidden, 'topics')} that mapping does not need (-v)"
+    if scans:
+        yield from _scan_lines(scans)
+    for laser in content["lasers"]:
+        flipped = ", upside down" if laser["flipped"] else ""
+        yield (
+            f"  laser       x {laser['x']:g} m, y {laser['y']:g} m, "
+            f"yaw {math.degrees(laser['theta']):g} deg on the robot{flipped}"
+        )
+    if odometry:
+        yield (
+            f"  odometry    {odometry['distance_m']:,.1f} m and "
+            f"{odometry['turned_deg']:,.0f} deg of turns, every {odometry['period_s']:g} s"
+        )
+    yield from (f"  note        {note}" for note in content["notes"])
+    yield from (f"  warning     {warning}" for warning in content["warnings"])
+    if scans and not content["warnings"]:
+        yield "  check-up    nothing odd found"
+
+
+def _scan_lines(scans: dict[str, Any]) -> Iterator[str]:
+    fewest, most = scans["beams"]
+    low, high = scans["bearings_deg"]
+    beams = f"{most}" if fewest == most else f"{fewest} to {most}"
+    limit = "" if scans["range_max"] is None else f", up to {scans['range_max']:g} m"
+    yield (
+        f"  scans       {scans['count']:,}, every {scans['period_s']:g} s; {beams} beams from "
+        f"{low:g} to {high:g} deg{limit}"
+    )
+    yield (
+        f"  beams       {scans['no_return_share']:.1%} without return, "
+        f"{scans['too_close_share']:.1%} too close, {scans['invalid_share']:.1%} invalid"
+    )

@@ -1,0 +1,84 @@
+"""`mapcli import`: convert a log to MCAP."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+
+import click
+
+from mapcli.commands._log_options import LogInput, log_input_options, say_notes
+from mapcli.commands._options import common_options, no_clobber_option
+from mapcli.commands._output import output_file, progress
+from mapcli.errors import DataError, OutputError
+from mapcli.model.log import counted
+from mapcli.model.scan import Odometry, RangeScan, Record
+
+
+class Tally:
+    """Counts the records that pass through, and keeps the first and the last stamp (stateful)."""
+
+    def __init__(self) -> None:
+        self.counts: Counter[type[Record]] = Counter()
+        self.first_ns = self.last_ns = 0
+
+    def passing(self, records: Iterable[Record]) -> Iterator[Record]:
+        for record in records:
+            if not self.counts:
+                self.first_ns = record.stamp_ns
+            self.counts[type(record)] += 1
+            self.last_ns = record.stamp_ns
+            yield record
+
+    def text(self) -> str:
+        scans, odometry = self.counts[RangeScan], self.counts[Odometry]
+        return (
+            f"{counted(scans, 'scans')} and {counted(odometry, 'odometry records')} of "
+            f"{(self.last_ns - self.first_ns) * 1e-9:,.1f} s"
+        )
+
+
+@click.command(short_help="Convert a log to MCAP with ROS 2 messages.")
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True)
+@click.argument("out", metavar="OUT.mcap")
+@log_input_options
+@no_clobber_option
+@common_options
+def command(
+    logs: tuple[str, ...],
+    out: str,
+    log_input: LogInput,
+    no_clobber: bool,
+    quiet: bool,
+    verbose: bool,
+) -> None:
+    """Convert a log to MCAP with ROS 2 messages: /scan, /odom, /tf and /tf_static.
+
+    LOG is a CARMEN log (ODOM, FLASER, ROBOTLASER1; plain or gzip), an MCAP file, a folder with
+    MCAP files (a ROS 2 bag), or - for standard input; several are one recording in parts. The
+    result gives the same map and poses as the log itself. Of a damaged log, what can be read is
+    converted; what is lost is said.
+
+    \b
+    Examples:
+      mapcli import intel.log.gz intel.mcap
+      mapcli import --start 10 --end 60 robot.mcap part.mcap
+    """
+    from mapcli.formats.mcap_log import McapLogWriter
+
+    if out != "-" and not out.lower().endswith(".mcap"):
+        raise click.UsageError(f"{out!r} does not end in .mcap.")
+    if out in logs and out != "-":
+        raise OutputError("is one of the logs to be read", file=out)
+    log, tally = log_input.open(logs), Tally()
+    with output_file(out, no_clobber=no_clobber) as file, McapLogWriter(file) as writer:
+        records = tally.passing(log_input.records(log))
+        for record in progress(records, log.name, log.record_count, quiet=quiet):
+            writer.write(record)
+        if not tally.counts[RangeScan]:
+            raise DataError("no scan in the part asked for", file=log.name)
+    if verbose:
+        click.echo(f"Scans from {log.scan_topic}, odometry from {log.odom_topic}.", err=True)
+    if not quiet:
+        say_notes(log)
+        click.echo(f"{out}: {tally.text()}", err=True)

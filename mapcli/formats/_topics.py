@@ -1,0 +1,73 @@
+"""Choosing the topics of a log: the one named, or the only candidate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mapcli.errors import DataError
+from mapcli.model.log import Role, Topic, counted
+
+
+def choose_scan_topic(topics: Sequence[Topic], wanted: str | None, name: str) -> Topic:
+    """The topic to read scans from: the one named, or the only candidate.
+
+    Raises:
+        DataError: see `Log.require_scan_topic`.
+    """
+    candidates = _candidates(topics, "scan", wanted)
+    if len(candidates) == 1:
+        return candidates[0]
+    if wanted is not None:
+        raise DataError(
+            f"no scan topic {wanted}{_listed(_candidates(topics, 'scan'), ' among ')}", file=name
+        )
+    if candidates:
+        raise DataError(
+            f"several scan topics{_listed(candidates, ': ')}",
+            file=name,
+            expected="one of them named with --scan-topic",
+        )
+    raise DataError(
+        f"no range scans{_listed(topics, ' among ')}",
+        file=name,
+        expected="a topic of sensor_msgs/msg/LaserScan, or FLASER or ROBOTLASER1 lines",
+    )
+
+
+def choose_odom_topic(topics: Sequence[Topic], wanted: str | None, name: str) -> Topic | None:
+    """The topic to read odometry from: the one named, the only candidate, or else /tf.
+
+    Raises:
+        DataError: see `Log.find_odom_topic`.
+    """
+    odometry = _candidates(topics, "odometry", wanted)
+    transforms = _candidates(topics, "tf", wanted)
+    if len(odometry) > 1:
+        raise DataError(
+            f"several odometry topics{_listed(odometry, ': ')}",
+            file=name,
+            expected="one of them named with --odom-topic",
+        )
+    if wanted is not None and not odometry + transforms:
+        known = _candidates(topics, "odometry") + _candidates(topics, "tf")
+        raise DataError(f"no odometry topic {wanted}{_listed(known, ' among ')}", file=name)
+    return next(iter(odometry + transforms), None)
+
+
+def _candidates(topics: Sequence[Topic], role: Role, wanted: str | None = None) -> list[Topic]:
+    return [
+        t
+        for t in topics
+        if t.role == role and (t.count > 0 if wanted is None else t.name == wanted)
+    ]
+
+
+def _listed(topics: Sequence[Topic], lead: str) -> str:
+    """The topics with their types and counts, or nothing."""
+    usual = ("cdr", "carmen")
+    texts = [
+        f"{t.name} ({t.type}{'' if t.encoding in usual else f' in {t.encoding}'}, "
+        f"{counted(t.count, 'messages')})"
+        for t in topics
+    ]
+    return f"{lead}{', '.join(texts)}" if texts else ""
