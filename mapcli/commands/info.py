@@ -81,8 +81,7 @@ def _is_log(file: str) -> bool:
 def _first_bytes(file: str) -> bytes:
     if file == "-":
         # Looked at, not taken: the reader that is chosen reads from the first byte on.
-        peek = getattr(sys.stdin.buffer, "peek", None)
-        return bytes(peek(1)) if peek else b""
+        return bytes(sys.stdin.buffer.peek(1))  # type: ignore[attr-defined]
     try:
         with Path(file).open("rb") as opened:
             return opened.read(1 << 16)

@@ -67,8 +67,10 @@ def read_text(data: bytes, file: str) -> tuple[GridMap, str]:
         header = _HEADER.fullmatch(content) if ":" in content else None
         if header:
             _add_header(place, header, count, file, late=bool(rows.rows))
+        elif content and numbers:
+            rows.add_numbers(content, f"line {count}")
         elif content:
-            rows.add(content, f"line {count}")
+            rows.add_characters(content, f"line {count}")
     return rows.grid(place), "numbers" if numbers else "characters"
 
 
@@ -78,8 +80,11 @@ def _bare(line: str) -> str:
 
 
 def _character_line(line: str) -> str:
+    """A line of the character form: whole when it is a row, for there `#` is a wall."""
     content = line.strip()
-    return content if CHARACTER_ROW.fullmatch(content) else _bare(line)
+    if CHARACTER_ROW.fullmatch(content):
+        return content
+    return _bare(line) if content.startswith("#") or ":" in content else content
 
 
 def _add_header(
@@ -107,12 +112,20 @@ class TextRows:
         self.rows: list[NDArray[np.float32]] = []
         self.first_place = ""
 
-    def add(self, content: str, place: str) -> None:
-        """One row in either form; `place` says where it stands, for errors."""
-        if CHARACTER_ROW.fullmatch(content):
-            codes = np.frombuffer(content.encode("ascii"), dtype=np.uint8)
-            self.append(_CODE_TABLE[codes], place)
-            return
+    def add_characters(self, content: str, place: str) -> None:
+        """A row of `#`, `.` and `?`; `place` says where it stands, for errors."""
+        if not CHARACTER_ROW.fullmatch(content):
+            raise FormatError(
+                f"row {content[:40]!r}",
+                file=self.file,
+                where=place,
+                expected="one of #, . and ? for each cell",
+            )
+        codes = np.frombuffer(content.encode("ascii"), dtype=np.uint8)
+        self.append(_CODE_TABLE[codes], place)
+
+    def add_numbers(self, content: str, place: str) -> None:
+        """A row of numbers and `?` with blanks between."""
         words = content.split()
         try:
             values = np.fromiter(map(self.tokens.__getitem__, words), np.float32, len(words))

@@ -23,7 +23,7 @@ import yaml
 
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.grey import MODES, GreyRule
-from mapcli.formats.text import TextRows, number_rows
+from mapcli.formats.text import CHARACTER_ROW, TextRows, number_rows
 from mapcli.formats.yaml_document import Document
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
@@ -158,7 +158,7 @@ def _read_cells(document: Document) -> CellsYaml:
     if isinstance(node, yaml.ScalarNode):
         for line in node.value.split("\n"):
             if line.strip():
-                rows.add(line.strip(), f"line {node.start_mark.line + 1}: cells")
+                _add_text(rows, line, f"line {node.start_mark.line + 1}: cells")
     elif isinstance(node, yaml.SequenceNode):
         for row in node.value:
             _add_row(rows, row, f"line {row.start_mark.line + 1}")
@@ -176,14 +176,20 @@ def _read_cells(document: Document) -> CellsYaml:
 
 def _add_row(rows: TextRows, row: yaml.Node, place: str) -> None:
     if isinstance(row, yaml.ScalarNode):
-        rows.add(row.value.strip(), place)
+        _add_text(rows, row.value, place)
     elif isinstance(row, yaml.SequenceNode) and all(
         isinstance(cell, yaml.ScalarNode) for cell in row.value
     ):
         words = ["?" if cell.value in ("", "~", "null") else cell.value for cell in row.value]
-        rows.add(" ".join(words) if words else "", place)
+        rows.add_numbers(" ".join(words), place)
     else:
         raise FormatError("not a row", file=rows.file, where=place, expected="a string or a list")
+
+
+def _add_text(rows: TextRows, text: str, place: str) -> None:
+    content = text.strip()
+    add = rows.add_characters if CHARACTER_ROW.fullmatch(content) else rows.add_numbers
+    add(content, place)
 
 
 def image_meta_lines(grid: GridMap, rule: GreyRule, image: str = "") -> str:

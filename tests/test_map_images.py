@@ -1,0 +1,152 @@
+"""PGM and PNG files: pixels as other programs mean them, and what can be wrong with them."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from mapcli.errors import FormatError
+from mapcli.formats.grey import GreyImage
+from mapcli.formats.pgm import read_pgm, write_pgm
+from mapcli.formats.png import read_png, write_png
+
+
+def pgm(data: bytes) -> list[list[int]]:
+    pixels: list[list[int]] = read_pgm(data, "m.pgm").channels[:, :, 0].tolist()
+    return pixels
+
+
+def png(picture: Image.Image, **options: object) -> GreyImage:
+    out = io.BytesIO()
+    picture.save(out, "PNG", **options)
+    return read_png(out.getvalue(), "m.png")
+
+
+@pytest.mark.parametrize(
+    ("data", "pixels"),
+    [
+        (b"P5\n# CREATOR: map_saver.cpp 0.050 m/pix\n3 2\n255\n\x00\x7f\xcd\xfe\x01\xff",
+         [[0, 127, 205], [254, 1, 255]]),
+        (b"P5 2 1 255 \n#", [[10, 35]]),  # pixels that look like a line end and a comment
+        (b"P5\n2#two columns\n1 # one row\n255\n\x01\x02", [[1, 2]]),
+        (b"P2\n# plain\n3 2\n255\n0 127 205\n254 # not 9\n1 255\n", [[0, 127, 205], [254, 1, 255]]),
+        (b"P2 2 2 15 15 12 0 1", [[255, 204], [0, 17]]),
+        (b"P2 2 1 1 1 0", [[255, 0]]),
+        # big-endian; 65535 -> 255, 52685 = 205 * 257, 128 rounds down, 129 up
+        (b"P5 4 1 65535\n\xff\xff\xcd\xcd\x00\x80\x00\x81", [[255, 205, 0, 1]]),
+        (b"P2 2 1 65535 65535 0", [[255, 0]]),
+        (b"P5 2 1 1023\n\x03\xff\x02\x00", [[255, 128]]),
+    ],
+)  # fmt: skip
+def test_pgm_pixel_by_pixel(data: bytes, pixels: list[list[int]]) -> None:
+    assert pgm(data) == pixels
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"P6 1 1 255\nabc", "m.pgm: starts with b'P6 1 1 2'; expected PGM, P2 or P5"),
+        (b"P5", "m.pgm: header: b'' in the place of the number of columns"),
+        (b"P5 2 x", "m.pgm: header: b' x' in the place of the number of rows"),
+        (b"P5 2 2\n", "m.pgm: header: b'\\n' in the place of maxval"),
+        (b"P5 0 2 255\n", "m.pgm: header: 0 columns, 2 rows, maxval 255"),
+        (b"P5 2 2 0\n", "m.pgm: header: 2 columns, 2 rows, maxval 0"),
+        (b"P5 2 2 65536\n", "m.pgm: header: 2 columns, 2 rows, maxval 65536"),
+        (b"P5 99999 99999 255\n", "m.pgm: header: 99999 columns"),
+        (b"P5 9999999999 1 255\n", "m.pgm: header: b' 9999999999 ' in the place"),
+        (b"P5 2 2 255\nabc", "m.pgm: holds 3 pixels; expected 4 as its header says"),
+        (b"P5 2 2 65535\nabcdefg", "m.pgm: holds 3 pixels; expected 4 as its header says"),
+        (b"P5 2 2 255", "m.pgm: holds 0 pixels; expected 4 as its header says"),
+        (b"P2 2 2 255\n1 2 3", "m.pgm: holds 3 pixels; expected 4 as its header says"),
+        (b"P2 2 2 255\n", "m.pgm: holds 0 pixels; expected 4 as its header says"),
+        (b"P2 2 2 255\n1 2\n3 -4", "m.pgm: line 3: b'-' among the pixels; expected numbers"),
+        (b"P2 2 1 15\n3 16", "m.pgm: pixel row 0, column 1: holds 16; expected at most"),
+        (b"P2 1 1 15\n" + b"9" * 30, "m.pgm: pixel row 0, column 0: holds"),
+        (b"P5 2 1 15\n\x0f\x10", "m.pgm: pixel row 0, column 1: holds 16; expected at most"),
+    ],
+)
+def test_malformed_pgm(data: bytes, message: str) -> None:
+    with pytest.raises(FormatError) as raised:
+        pgm(data)
+    assert str(raised.value).startswith(message)
+
+
+@pytest.mark.parametrize("data", [b"P5 2 1 255\nabxyz", b"P2 2 1 255\n1 2 3 4 5"])
+def test_more_pixels_than_the_header_says_are_counted(data: bytes) -> None:
+    (warning,) = read_pgm(data, "m.pgm").warnings
+    assert warning.startswith("3 ")
+
+
+def test_written_pgm_byte_by_byte() -> None:
+    image = GreyImage(np.array([[[0], [205]], [[254], [7]]], dtype=np.uint8))
+    assert write_pgm(image) == b"P5\n2 2\n255\n\x00\xcd\xfe\x07"
+    assert write_pgm(image, plain=True) == b"P2\n2 2\n255\n  0 205\n254   7\n"
+    assert write_pgm(image, bits=16) == b"P5\n2 2\n65535\n\x00\x00\xcd\xcd\xfe\xfe\x07\x07"
+    assert write_pgm(image, plain=True, bits=16).endswith(b"\n    0 52685\n65278  1799\n")
+
+
+@pytest.mark.parametrize("plain", [False, True])
+@pytest.mark.parametrize("bits", [8, 16])
+def test_every_grey_survives_every_pgm(plain: bool, bits: int) -> None:
+    grey = np.arange(256, dtype=np.uint8).reshape(16, 16, 1)
+    image = GreyImage(grey, note="resolution: 0.05\nmode: raw")
+    again = read_pgm(write_pgm(image, plain=plain, bits=bits), "m.pgm")
+    assert np.array_equal(again.channels, grey)
+    assert again.note == image.note
+    assert again.kind == f"PGM P{2 if plain else 5}, {bits} bit"
+
+
+RAMP = np.arange(256, dtype=np.uint8).reshape(16, 16)
+
+
+def test_png_kinds() -> None:
+    grey = Image.fromarray(RAMP)
+    assert np.array_equal(png(grey).channels[:, :, 0], RAMP)
+    assert png(grey).alpha is None
+    assert np.array_equal(png(grey.convert("RGB")).luma(), RAMP)
+    assert np.array_equal(png(grey.convert("P")).luma(), RAMP)
+    clear = png(Image.merge("LA", (grey, Image.fromarray(RAMP.T.copy()))))
+    assert np.array_equal(clear.channels[:, :, 0], RAMP)
+    assert np.array_equal(clear.alpha, RAMP.T)
+    assert png(grey.convert("1")).channels[0, 0, 0] == 0
+
+
+def test_16_bit_png_is_reduced_by_rounding() -> None:
+    deep = np.array([[0, 128, 129, 52685, 65535]], dtype=np.uint16)
+    assert png(Image.fromarray(deep)).channels[0, :, 0].tolist() == [0, 0, 1, 205, 255]
+
+
+def test_transparent_colour_and_palette_entry() -> None:
+    assert png(Image.fromarray(RAMP), transparency=7).alpha is not None
+    assert (png(Image.fromarray(RAMP), transparency=7).alpha == 0).sum() == 1
+    palette = Image.fromarray(RAMP).convert("P")
+    assert (png(palette, transparency=3).alpha == 0).sum() == 1
+
+
+def test_png_round_trip_with_alpha_and_note() -> None:
+    image = GreyImage(RAMP[:, :, None], RAMP.T.copy(), note="resolution: 0.05\nmode: raw")
+    again = read_png(write_png(image), "m.png")
+    assert np.array_equal(again.channels[:, :, 0], RAMP)
+    assert np.array_equal(again.alpha, RAMP.T)
+    assert again.note == image.note
+
+
+def test_png_cut_anywhere_is_an_error_unless_all_pixels_are_there() -> None:
+    data = write_png(GreyImage(RAMP[:, :, None], note="mode: raw"))
+    refused = 0
+    for length in range(len(data)):
+        try:
+            image = read_png(data[:length], "m.png")
+        except FormatError:
+            refused += 1
+        else:
+            assert np.array_equal(image.channels[:, :, 0], RAMP)
+    assert refused >= len(data) - 24  # checksums of the pixels, and the end mark
+
+
+def test_not_a_png() -> None:
+    with pytest.raises(FormatError, match=r"m\.png: starts with b'GIF8'; expected a PNG image"):
+        read_png(b"GIF8", "m.png")
