@@ -30,7 +30,7 @@ _EARLY_TO_LATE = ((24, 15, 136), (98, 0, 168), (166, 33, 152), (216, 87, 107), (
 
 _SHARPER = 4
 _BATCH = 50_000
-_MOST_SAMPLES = 2_000_000
+_MOST_SAMPLES = 300_000
 
 
 @lru_cache(maxsize=32)
