@@ -11,7 +11,7 @@ import lz4.frame
 import zstandard
 from mcap.opcode import Opcode
 
-from mapcli.formats.mcap_walk import MESSAGE, RECORD, ChunkHead, Segment, chunk_head
+from mapcli.formats.mcap_records import MESSAGE, RECORD, ChunkHead, Segment, chunk_head
 
 MAX_UNPACKED_BYTES = 1 << 30
 """No recorder writes larger chunks; a broken size must not exhaust the memory."""
@@ -35,7 +35,7 @@ def unpacked(file: BinaryIO, segment: Segment) -> bytes:
     if not segment.chunk:
         file.seek(segment.offset)
         return file.read(segment.end - segment.offset)
-    head = chunk_head(file, segment)
+    head = chunk_head(file, segment.offset)
     if head is None:
         raise ChunkError("with a broken head")
     if head.compression not in ("", "zstd", "lz4"):

@@ -18,13 +18,15 @@ from mcap.records import Channel, Schema, Statistics
 
 from mapcli.formats._log import Source
 from mapcli.formats.mcap_chunks import ChunkError, records, unpacked
-from mapcli.formats.mcap_walk import MESSAGE, RECORD, Layout, Segment, add_description, walk
+from mapcli.formats.mcap_records import MAGIC, MESSAGE, RECORD, Segment, add_description
+from mapcli.formats.mcap_walk import Layout, walk
 from mapcli.model.log import Damage
 
-MAGIC = b"\x89MCAP0\r\n"
 FOOTER = struct.Struct("<BQQQI")
 """Opcode, length, start of the summary, start of the summary's offsets, checksum."""
 DATA_END_BYTES = RECORD.size + 4
+
+BAD_SUMMARY = "tables of contents that cannot be read"
 
 MAX_OPEN_SEGMENTS = 64
 """Chunks of one time that are held unpacked; beyond, order is left to the reader."""
@@ -85,8 +87,8 @@ class McapFile:
         if not content.startswith(RECORD.pack(Opcode.DATA_END, 4)) or (
             checksum and zlib.crc32(signed) != checksum
         ):
-            self._complain("indexes that cannot be read", f"byte {tail}")
-            return tail, False, None
+            self._complain(BAD_SUMMARY, f"byte {tail}")
+            return size - len(MAGIC), False, None
         return end, True, self._take_summary(summary)
 
     def _unfinished(self, size: int) -> tuple[int, bool, None]:
@@ -105,7 +107,7 @@ class McapFile:
                 elif opcode == Opcode.STATISTICS:
                     statistics = Statistics.read(ReadDataStream(BytesIO(summary[start:end])))
         except (ChunkError, McapError, struct.error, OverflowError, MemoryError):
-            self._complain("indexes that cannot be read", "at the end")
+            self._complain(BAD_SUMMARY, "at the end")
             return None
         return statistics
 

@@ -75,7 +75,11 @@ class McapLog(Log):
                 file=self.sources[0].name,
                 expected="sensor_msgs/msg/LaserScan in cdr or json",
             )
-        return super().require_scan_topic()
+        try:
+            return super().require_scan_topic()
+        except DataError as error:
+            error.where = "; ".join(self._structure.lines()) or None
+            raise
 
     def find_odom_topic(self) -> Topic | None:
         topic = super().find_odom_topic()

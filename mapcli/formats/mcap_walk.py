@@ -1,8 +1,5 @@
 """From record to record through an MCAP file, over damage, without unpacking anything.
 
-    file    magic, records..., DataEnd, summary records..., Footer, magic
-    record  opcode (1 byte), length (8 bytes), content
-
 The index at the end of a file is missing from interrupted recordings and wrong in some others,
 so it is not used: a walk along the records' lengths finds the same chunks, at the cost of a read
 per chunk. Where a length leads nowhere, the next record is searched for by its shape.
@@ -11,88 +8,36 @@ per chunk. Where a length leads nowhere, the next record is searched for by its 
 from __future__ import annotations
 
 import re
-import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from io import BytesIO
 from typing import BinaryIO
 
 import numpy as np
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
+from mapcli.formats.mcap_records import (
+    CHUNK,
+    INDEX,
+    MAX_DESCRIPTION_BYTES,
+    MESSAGE,
+    RECORD,
+    Place,
+    Segment,
+    add_description,
+    chunk_head,
+)
 from mapcli.model.log import Damage
 
-RECORD = struct.Struct("<BQ")
-CHUNK = struct.Struct("<QQQII")
-"""Start and end time, unpacked size, checksum, length of the compression's name."""
-MESSAGE = struct.Struct("<HIQQ")
-"""Channel, sequence, log time, publish time."""
-INDEX = struct.Struct("<HI")
-"""Channel, bytes of entries (16 each: log time, offset)."""
-
-DATA_OPCODES = frozenset(
-    (
-        Opcode.HEADER,
-        Opcode.SCHEMA,
-        Opcode.CHANNEL,
-        Opcode.MESSAGE,
-        Opcode.CHUNK,
-        Opcode.MESSAGE_INDEX,
-        Opcode.ATTACHMENT,
-        Opcode.METADATA,
-        Opcode.DATA_END,
-    )
-)
+OPCODES = frozenset(Opcode)
+FIXED_LENGTHS = {Opcode.DATA_END: 4, Opcode.FOOTER: 20, Opcode.SUMMARY_OFFSET: 17}
 PRIVATE_OPCODES = 0x80
 
 BARE_SEGMENT_BYTES = 1 << 20
 """Messages outside chunks are read in stretches of about this."""
 
-MAX_DESCRIPTION_BYTES = 1 << 24
-"""A schema or channel longer than this is not one."""
-
 _SEARCH_BYTES = 1 << 20
 _SHAPE = re.compile(rb"(?=[\x05\x06][\x00-\xff]{4}\x00{4})")
 """A message or chunk of less than 4 GB, maybe."""
-
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """A record in the file, or (opcode 0) bytes that are none.
-
-    Attributes:
-        offset: of its opcode.
-        end: of the byte after it; the file's end when it is cut short.
-    """
-
-    opcode: int
-    offset: int
-    end: int
-    complete: bool = True
-
-
-@dataclass(slots=True)
-class Segment:
-    """Messages that are read at once: a chunk, or some messages outside chunks.
-
-    Attributes:
-        offset, end: bytes of its records in the file.
-        start_ns, end_ns: log times, as far as told.
-        chunk: whether it is one; otherwise message records stand there as they are.
-        complete: False for the chunk at which a truncated file ends.
-        counts: messages by channel as indexed behind a chunk; empty when not told.
-    """
-
-    offset: int
-    end: int
-    start_ns: int
-    end_ns: int
-    chunk: bool
-    complete: bool = True
-    counts: dict[int, int] = field(default_factory=dict)
 
 
 class Layout:
@@ -135,19 +80,17 @@ def _byte(place: Place) -> str:
 
 
 def places(file: BinaryIO, end: int, finished: bool) -> Iterator[Place]:
-    """The records of the data section in file order, and the gaps between them."""
+    """The records in file order, and the gaps between them."""
     at = 8
     while at < end:
         place = _place(file, at, end)
-        if place is not None and place.opcode == Opcode.DATA_END:
-            if not finished:
-                return
-            place = None  # the real one is at `end`
+        if place is not None and place.opcode in (Opcode.DATA_END, Opcode.FOOTER) and finished:
+            place = None  # the real ones are at `end`
         if place is not None and place.complete:
             yield place
             at = place.end
             continue
-        resumed = _search(file, at + 1, end)
+        resumed = None if _cut_chunk(file, place, finished) else _search(file, at + 1, end)
         if resumed is None:
             yield place or Place(0, at, end)
             return
@@ -155,12 +98,19 @@ def places(file: BinaryIO, end: int, finished: bool) -> Iterator[Place]:
         at = resumed
 
 
+def _cut_chunk(file: BinaryIO, place: Place | None, finished: bool) -> bool:
+    """Whether an incomplete record is the chunk at which the file was cut off."""
+    if finished or place is None or place.opcode != Opcode.CHUNK:
+        return False
+    return chunk_head(file, place.offset) is not None
+
+
 def _place(file: BinaryIO, at: int, end: int) -> Place | None:
     """The record at `at`; incomplete if it leads beyond `end`; None if it cannot be one."""
     file.seek(at)
     head = file.read(min(RECORD.size, end - at))
     if len(head) < RECORD.size:
-        return Place(head[0], at, end, complete=False) if head[0] in DATA_OPCODES else None
+        return Place(head[0], at, end, complete=False) if head[0] in OPCODES else None
     opcode, length = RECORD.unpack(head)
     if not _possible(opcode, length):
         return None
@@ -175,9 +125,9 @@ def _possible(opcode: int, length: int) -> bool:
         return length >= CHUNK.size + 8
     if opcode == Opcode.MESSAGE_INDEX:
         return length % 16 == INDEX.size
-    if opcode == Opcode.DATA_END:
-        return length == 4
-    return opcode in DATA_OPCODES or opcode >= PRIVATE_OPCODES
+    if opcode in FIXED_LENGTHS:
+        return bool(length == FIXED_LENGTHS[Opcode(opcode)])
+    return opcode in OPCODES or opcode >= PRIVATE_OPCODES
 
 
 def _search(file: BinaryIO, start: int, end: int) -> int | None:
@@ -190,7 +140,8 @@ def _search(file: BinaryIO, start: int, end: int) -> int | None:
             if place is None or not place.complete:
                 continue
             if place.opcode == Opcode.CHUNK:
-                if chunk_head(file, place) is not None:
+                head = chunk_head(file, at)
+                if head is not None and head.start_ns <= head.end_ns:
                     return at
             elif _leads_on(file, place.end, end, records=2):
                 return at
@@ -206,37 +157,6 @@ def _leads_on(file: BinaryIO, at: int, end: int, records: int) -> bool:
             return False
         at = place.end
     return True
-
-
-@dataclass(frozen=True, slots=True)
-class ChunkHead:
-    """What a chunk says of itself; `data` is the offset of its content, of `size` bytes."""
-
-    start_ns: int
-    end_ns: int
-    unpacked_size: int
-    checksum: int
-    compression: str
-    data: int
-    size: int
-
-
-def chunk_head(file: BinaryIO, place: Place | Segment) -> ChunkHead | None:
-    """The head of the chunk; None if it contradicts its length."""
-    file.seek(place.offset + RECORD.size)
-    head = file.read(CHUNK.size)
-    if len(head) < CHUNK.size:
-        return None
-    start, end, unpacked_size, checksum, letters = CHUNK.unpack(head)
-    tail = file.read(letters + 8) if letters <= 64 else b""
-    if len(tail) < letters + 8:
-        return None
-    data = place.offset + RECORD.size + CHUNK.size + letters + 8
-    size = int.from_bytes(tail[letters:], "little")
-    if start > end or (data + size != place.end if place.complete else data + size < place.end):
-        return None
-    compression = tail[:letters].decode("utf-8", "replace")
-    return ChunkHead(start, end, unpacked_size, checksum, compression, data, size)
 
 
 def _add(layout: Layout, file: BinaryIO, place: Place) -> bool:
@@ -256,25 +176,8 @@ def _add(layout: Layout, file: BinaryIO, place: Place) -> bool:
     return True
 
 
-def add_description(
-    schemas: dict[int, Schema], channels: dict[int, Channel], opcode: int, content: bytes
-) -> bool:
-    """Take a schema or channel record; False if it is malformed."""
-    stream = ReadDataStream(BytesIO(content))
-    try:
-        if opcode == Opcode.SCHEMA:
-            schema = Schema.read(stream)
-            schemas[schema.id] = schema
-        else:
-            channel = Channel.read(stream)
-            channels[channel.id] = channel
-    except (McapError, struct.error, UnicodeDecodeError, OverflowError, MemoryError):
-        return False
-    return True
-
-
 def _add_chunk(layout: Layout, file: BinaryIO, place: Place) -> bool:
-    head = chunk_head(file, place)
+    head = chunk_head(file, place.offset)
     if head is not None:
         layout.segments.append(
             Segment(place.offset, place.end, head.start_ns, head.end_ns, True, place.complete)
