@@ -45,8 +45,8 @@ def test_text_to_pair_says_what_is_lost(capsys: pytest.CaptureFixture[str]) -> N
     out, err = capsys.readouterr()
     assert out == ""
     assert err.splitlines() == [
-        "Note: m.yaml: 3 probabilities change, by up to 0.2",
-        "Note: m.yaml: 1 known cells become unknown",
+        "Note: m.yaml: 3 cells whose probability changes, by up to 0.2",
+        "Note: m.yaml: 1 cell known before and unknown now",
         "Note: m.yaml: --mode scale keeps whole percents, and .txt keeps everything",
     ]
 

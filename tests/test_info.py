@@ -42,8 +42,8 @@ m.yaml: map, YAML with PGM P5, 8 bit
   origin      x -1.5 m, y 2 m, yaw 28.6479 deg
   mode        trinary, free up to 0.25, occupied from 0.65
   cells       3 free (50.0%), 2 occupied (33.3%), 1 unknown (16.7%)
-  warning     1 cells of grey 205, which map savers write for unknown, are open under \
-free_thresh 0.25; with free_thresh: 0.196 they would be unknown
+  warning     1 cell of grey 205, which map savers write for unknown, read as open under \
+free_thresh 0.25; with free_thresh: 0.196 they stay unknown
 """
 
 TEXT_REPORT = """\
@@ -70,7 +70,7 @@ def test_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert info("m.yaml", "--json", "-") == 0
     document = json.loads(capsys.readouterr().out)
     (warning,) = document.pop("warnings")
-    assert warning.startswith("1 cells of grey 205")
+    assert warning.startswith("1 cell of grey 205")
     assert list(document)[:3] == ["format", "version", "mapcli"]
     assert document == {
         "format": "mapcli.map-info",

@@ -254,12 +254,14 @@ def test_losses() -> None:
 
     assert lost([[0.3, Q, 1]], "m.txt") == []
     assert lost([[0.1, 0.3, Q]], "m.yaml") == [
-        "1 probabilities change, by up to 0.1",
-        "1 known cells become unknown",
+        "1 cell whose probability changes, by up to 0.1",
+        "1 cell known before and unknown now",
     ]
-    assert lost([[0.123, 1]], "m.png", mode="scale") == ["1 probabilities change, by up to 0.003"]
-    assert lost([[Q, 1]], "m.pgm", mode="scale") == ["1 unknown cells become 0.5"]
-    assert lost([[0.3, 1]], "m.txt", characters=True) == ["1 known cells become unknown"]
+    assert lost([[0.123, 1]], "m.png", mode="scale") == [
+        "1 cell whose probability changes, by up to 0.003"
+    ]
+    assert lost([[Q, 1]], "m.pgm", mode="scale") == ["1 cell unknown before and 0.5 now"]
+    assert lost([[0.3, 1]], "m.txt", characters=True) == ["1 cell known before and unknown now"]
 
 
 @pytest.mark.parametrize("name", ["depot", "tb3_sandbox"])

@@ -149,7 +149,7 @@ def test_yaw_that_is_not_a_number_is_zero(tmp_path: Path) -> None:
 
 def test_unknown_grey_that_becomes_open_is_counted(tmp_path: Path) -> None:
     (warning,) = load_map(write_pair(tmp_path, free_thresh="0.25")).warnings
-    assert warning.startswith("1 cells of grey 205")
+    assert warning.startswith("1 cell of grey 205")
     assert "free_thresh: 0.196" in warning
 
 
@@ -168,7 +168,7 @@ def test_threshold_in_percent_is_warned_of(tmp_path: Path) -> None:
 
 def test_raw_pixels_without_meaning_are_counted(tmp_path: Path) -> None:
     assert load_map(write_pair(tmp_path, mode="raw")).warnings == (
-        "2 cells hold neither 0 to 100 nor 255; they are unknown",
+        "2 cells with neither 0 to 100 nor 255 in the image, read as unknown",
     )
 
 

@@ -142,7 +142,7 @@ def _hints(grid: GridMap, files: dict[str, bytes], lost: list[str]) -> list[str]
     """How to keep what is lost, and what only mapcli will find."""
     hints = []
     images = [name for name in files if Path(name).suffix.lower() in (".pgm", ".png")]
-    if images and any("probabilities" in loss for loss in lost):
+    if images and any("probability" in loss for loss in lost):
         hints.append("--mode scale keeps whole percents, and .txt keeps everything")
     if images == list(files) and (grid.resolution != 1 or grid.origin != Pose2D()):
         hints.append(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from io import BufferedReader
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import click
 
@@ -81,7 +82,7 @@ def _is_log(file: str) -> bool:
 def _first_bytes(file: str) -> bytes:
     if file == "-":
         # Looked at, not taken: the reader that is chosen reads from the first byte on.
-        return bytes(sys.stdin.buffer.peek(1))  # type: ignore[attr-defined]
+        return cast(BufferedReader, sys.stdin.buffer).peek(1)
     try:
         with Path(file).open("rb") as opened:
             return opened.read(1 << 16)

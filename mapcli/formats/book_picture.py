@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,16 +117,29 @@ def _cells_image(
 
 
 def _write_cells(image: Image.Image, grid: GridMap, size: int, margin: int) -> None:
-    draw = ImageDraw.Draw(image)
-    letters = font(max(round(size * 0.34), 8))
+    stamps: dict[tuple[str, Any], tuple[Image.Image, Image.Image]] = {}
     for row, column in np.ndindex(grid.rows, grid.columns):
         text = probability_label(float(grid.cells[row, column]))
-        x, y = margin + (column + 0.5) * size, margin + (row + 0.5) * size
+        left, top = margin + column * size, margin + row * size
         # A halo of the cell's own colour keeps the number legible where the path crosses it.
-        halo = image.getpixel((round(x - 0.4 * size), round(y - 0.4 * size)))
-        fill = FAINT_INK if text == "?" else INK
-        draw.text((x, y), text, font=letters, fill=fill, anchor="mm",
-                  stroke_width=max(size // 24, 1), stroke_fill=halo)  # fmt: skip
+        halo = image.getpixel((left + size // 8, top + size // 8))
+        if (text, halo) not in stamps:
+            stamps[text, halo] = _label_stamp(text, size, halo)
+        stamp, mask = stamps[text, halo]
+        image.paste(stamp, (left, top), mask)
+
+
+def _label_stamp(text: str, size: int, halo: Any) -> tuple[Image.Image, Image.Image]:
+    """Letters in the middle of a cell, and where they and their halo cover it."""
+    stamp, mask = Image.new("RGB", (size, size), halo), Image.new("L", (size, size))
+    ink = FAINT_INK if text == "?" else INK
+    options: dict[str, Any] = {"font": font(max(round(size * 0.34), 8)), "anchor": "mm"}
+    ImageDraw.Draw(stamp).text((size / 2, size / 2), text, fill=ink, **options)
+    halo_width = max(size // 24, 1)
+    ImageDraw.Draw(mask).text(
+        (size / 2, size / 2), text, fill=255, stroke_width=halo_width, **options
+    )
+    return stamp, mask
 
 
 def probability_label(probability: float) -> str:

@@ -55,8 +55,8 @@ class GreyImage:
         """8-bit grey as GraphicsMagick makes it for Nav2: Rec. 601 weights in 1/1024."""
         if self.channels.shape[2] == 1:
             return self.channels[:, :, 0]
-        weighted = self.channels.astype(np.uint32) @ np.array([306, 601, 117], dtype=np.uint32)
-        return ((weighted + 512) // 1024).astype(np.uint8)
+        red, green, blue = (self.channels[:, :, k].astype(np.uint32) for k in range(3))
+        return ((306 * red + 601 * green + 117 * blue + 512) >> 10).astype(np.uint8)
 
     def mean(self, *, with_alpha: bool) -> NDArray[Any]:
         """Mean of the channels, as ROS 1 takes it; bytes when there is only one channel."""

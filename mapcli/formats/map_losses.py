@@ -8,6 +8,7 @@ import numpy as np
 
 from mapcli.formats.maps import Format, load_map
 from mapcli.model.grid import GridMap
+from mapcli.model.log import counted
 
 
 def losses(
@@ -39,10 +40,12 @@ def _cell_losses(grid: GridMap, written: GridMap) -> list[str]:
     found = []
     if changed:
         largest = float(np.fmax.reduce(changes, axis=None))
-        found.append(f"{changed:,} probabilities change, by up to {largest:.2g}")
+        found.append(
+            f"{counted(changed, 'cells whose probability changes')}, by up to {largest:.2g}"
+        )
     if forgotten.any():
-        found.append(f"{int(forgotten.sum()):,} known cells become unknown")
+        found.append(counted(int(forgotten.sum()), "cells known before and unknown now"))
     if invented.any():
         value = float(after[invented][0])
-        found.append(f"{int(invented.sum()):,} unknown cells become {value:.2g}")
+        found.append(counted(int(invented.sum()), f"cells unknown before and {value:.2g} now"))
     return found

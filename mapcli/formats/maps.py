@@ -24,6 +24,7 @@ from mapcli.formats.grey import UNKNOWN_GREY, Dialect, GreyImage, GreyRule
 from mapcli.formats.map_output import FORMATS, SUFFIXES, Format, SaveOptions, dump_map
 from mapcli.formats.text import read_text
 from mapcli.model.grid import GridMap
+from mapcli.model.log import counted
 from mapcli.model.pose import Pose2D
 
 __all__ = [
@@ -209,12 +210,13 @@ def _doubts(image: GreyImage, rule: GreyRule, dialect: Dialect) -> list[str]:
         count = int(np.count_nonzero(grey == customary))
         if count and rule.cells(one, dialect)[0, 0] == 0:
             doubts.append(
-                f"{count:,} cells of grey {customary}, which map savers write for unknown, are "
-                f"open under free_thresh {rule.free_thresh:g}; with free_thresh: 0.196 they would "
-                "be unknown"
+                f"{counted(count, 'cells')} of grey {customary}, which map savers write for "
+                f"unknown, read as open under free_thresh {rule.free_thresh:g}; with "
+                "free_thresh: 0.196 they stay unknown"
             )
     if rule.mode == "raw":
         count = int(np.count_nonzero((grey > 100) & (grey < 255)))
         if count:
-            doubts.append(f"{count:,} cells hold neither 0 to 100 nor 255; they are unknown")
+            cells = counted(count, "cells")
+            doubts.append(f"{cells} with neither 0 to 100 nor 255 in the image, read as unknown")
     return doubts

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from mapcli.errors import FormatError
 from mapcli.formats.grey import GreyImage
+from mapcli.model.log import counted
 
 MAX_CELLS = 1_000_000_000
 """Larger images are refused instead of filling the memory of the machine."""
@@ -95,7 +96,7 @@ def _binary_pixels(
         raise _too_short(file, found // kind.itemsize, count)
     if found > count * kind.itemsize:
         extra = found - count * kind.itemsize
-        warnings.append(f"{extra:,} bytes after the last pixel were not used")
+        warnings.append(counted(extra, "bytes after the last pixel, not used"))
     return np.frombuffer(data, dtype=kind, count=count, offset=start)
 
 
@@ -117,7 +118,7 @@ def _plain_pixels(
     if len(pixels) < count:
         raise _too_short(file, len(pixels), count)
     if len(pixels) > count:
-        warnings.append(f"{len(pixels) - count:,} numbers after the last pixel were not used")
+        warnings.append(counted(len(pixels) - count, "numbers after the last pixel, not used"))
     return pixels[:count]
 
 

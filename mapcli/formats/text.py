@@ -59,7 +59,7 @@ def read_text(data: bytes, file: str) -> tuple[GridMap, str]:
     """
     text = data.decode("utf-8-sig", "replace").replace("\r\n", "\n").replace("\r", "\n")
     lines = text.split("\n")
-    numbers = any(":" not in line and _NUMBER_FORM.search(_bare(line)) for line in lines)
+    numbers = any(map(_has_numbers, lines))
     rows = TextRows(file)
     place: dict[str, list[float]] = {}
     for count, line in enumerate(lines, start=1):
@@ -72,6 +72,13 @@ def read_text(data: bytes, file: str) -> tuple[GridMap, str]:
         elif content:
             rows.add_characters(content, f"line {count}")
     return rows.grid(place), "numbers" if numbers else "characters"
+
+
+def _has_numbers(line: str) -> bool:
+    """Whether a line, its comment and headers aside, can only stand in the number form."""
+    content = _bare(line)
+    odd = content.strip(".?")  # nothing is left of a row of characters
+    return bool(odd) and ":" not in content and _NUMBER_FORM.search(content) is not None
 
 
 def _bare(line: str) -> str:
