@@ -26,9 +26,10 @@ SNIFFED_BYTES = 1 << 16
 EXPECTED = "an MCAP file or a CARMEN log"
 
 _CONVERT = "first: rosbags-convert --src {file} --dst {stem}-mcap --dst-storage mcap"
+SQLITE = b"SQLite format 3"
 FOREIGN = {
     b"#ROSBAG V": f"is a ROS 1 bag; convert it {_CONVERT}",
-    b"SQLite format 3": f"is part of a ROS 2 bag in SQLite; convert the bag's folder {_CONVERT}",
+    SQLITE: "is part of a ROS 2 bag in SQLite; name the folder it lies in to see how to convert it",
     b"BZh": "is packed with bzip2; unpack it first",
     b"\xfd7zXZ": "is packed with xz; unpack it first",
     b"\x28\xb5\x2f\xfd": "is packed with zstd; unpack it first",
@@ -78,14 +79,21 @@ def _sources(path: str) -> Iterator[Source]:
     if path == "-":
         yield _spooled("-", iter(lambda: sys.stdin.buffer.read(SNIFFED_BYTES), b""))
     elif Path(path).is_dir():
-        parts = sorted(Path(path).glob("*.mcap"), key=_natural)
-        if not parts and any(Path(path).glob("*.db3")):
-            raise FormatError(_foreign(b"SQLite format 3", path), file=path)
-        if not parts:
-            raise FormatError("is a folder without MCAP files", file=path, expected=EXPECTED)
-        yield from (Source(str(part), part) for part in parts)
+        yield from (Source(str(part), part) for part in _parts_of_bag(path))
     else:
         yield Source(path, Path(path))
+
+
+def _parts_of_bag(folder: str) -> list[Path]:
+    """The MCAP files of a ROS 2 bag."""
+    bag = Path(folder)
+    parts = sorted(bag.glob("*.mcap"), key=_natural)
+    if (bag / "metadata.yaml").exists() and parts:
+        return parts
+    if any(bag.glob("*.db3")):
+        convert = _CONVERT.format(file=folder, stem=bag)
+        raise FormatError(f"is a ROS 2 bag in SQLite; convert it {convert}", file=folder)
+    raise FormatError("is a folder", file=folder, expected=f"{EXPECTED}, or a ROS 2 bag's folder")
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
@@ -100,7 +108,9 @@ def _kind(source: Source) -> str:
         return "MCAP"
     for magic in FOREIGN:
         if start.startswith(magic):
-            raise FormatError(_foreign(magic, source.name), file=source.name)
+            stem = Path(source.name).with_suffix("")
+            text = FOREIGN[magic].format(file=source.name, stem=stem)
+            raise FormatError(text, file=source.name)
     if not start:
         raise FormatError("is empty", file=source.name, expected=EXPECTED)
     if not looks_like_carmen(start):
@@ -116,10 +126,6 @@ def _start(source: Source) -> bytes:
         if len(start) >= SNIFFED_BYTES:
             break
     return start
-
-
-def _foreign(magic: bytes, name: str) -> str:
-    return FOREIGN[magic].format(file=name, stem=Path(name).with_suffix(""))
 
 
 def _unpacked(source: Source, kind: str) -> Source:
