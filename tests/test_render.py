@@ -140,6 +140,7 @@ POSE = {"stamp_ns": 1, "x": 0, "y": 0, "theta": 0}
         ({"poses": None}, "has no list of poses"),
         ({"poses": [POSE, {"x": 1}]}, "pose 1: has no 'stamp_ns'; expected stamp_ns, x, y and"),
         ({"poses": [POSE | {"x": "far"}]}, "pose 0: has a bad number"),
+        ({"poses": [POSE | {"x": 1e300}]}, "pose 0: has a bad number"),
         ({"poses": [POSE | {"x": float("nan")}]}, "pose 0: has a bad number"),
         ({"poses": [POSE | {"stamp_ns": 2**63}]}, "pose 0: has a bad number"),
         ({"poses": [POSE | {"stamp_ns": None}]}, "pose 0: has a bad number"),

@@ -113,10 +113,14 @@ def _save_options(target: str, given: dict[str, Any]) -> Any:
 
     given["format"] = given.pop("form") or ("txt" if target == "-" else None)
     given["bits"] = int(given["bits"])
-    if given["format"] is None and Path(target).suffix.lower() not in SUFFIXES:
+    form = given["format"] or SUFFIXES.get(Path(target).suffix.lower())
+    if form is None:
         raise click.UsageError(
             f"{target!r} says no format; end it in {', '.join(SUFFIXES)} or add --to."
         )
+    for flag, only in (("characters", "txt"), ("inline", "yaml")):
+        if given[flag] and form != only:
+            raise click.UsageError(f"--{flag} is for {only}, and OUT is {form}.")
     if given["negate"] and given["mode"] == "raw":
         raise click.UsageError(
             "--negate has no meaning with --mode raw: Nav2 ignores it there and ROS 1 does not."

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,13 +43,26 @@ class _Layout:
     """Sizes that grow with the picture, pixels."""
 
     unit: float
-    letters: int
-    margin: int
 
     @classmethod
     def of(cls, view: PlanView) -> _Layout:
-        unit = min(max(max(view.width, view.height) / USUAL_SIDE, 0.7), 2.5)
-        return cls(unit, round(24 * unit), round(40 * unit))
+        return cls(min(max(max(view.width, view.height) / USUAL_SIDE, 0.7), 2.5))
+
+    @property
+    def letters(self) -> int:
+        return round(24 * self.unit)
+
+    @property
+    def small(self) -> int:
+        return round(18 * self.unit)
+
+    @property
+    def gap(self) -> int:
+        return round(10 * self.unit)
+
+    @property
+    def margin(self) -> int:
+        return round(40 * self.unit)
 
 
 def plan_image(
@@ -78,13 +91,14 @@ def plan_image(
     """
     view = view_of(grid, path, scale=scale)
     layout = _Layout.of(view)
-    image, view = _sheet(view, layout, title=bool(title))
+    marks = _metre_marks(view)
+    image, view = _sheet(view, layout, marks, title=bool(title), caption=bool(caption))
     pixels = plan_pixels(view)
+    _metre_lines(pixels, marks)
     if frontier is not None:
         _mark_cells(pixels, view, frontier, RED)
-    _metre_lines(pixels, view)
     image.paste(Image.fromarray(pixels), (view.x, view.y))
-    _frame(image, view, layout)
+    _frame(image, view, layout, marks)
     if path is not None and len(path):
         image = _draw_path(image, view, layout, path, _fractions(path, stamps), headings)
         _time_bar(image, view, layout, stamps)
@@ -99,17 +113,21 @@ def plan_image(
     return image
 
 
-def _sheet(view: PlanView, layout: _Layout, *, title: bool) -> tuple[Image.Image, PlanView]:
+Marks = list[tuple[str, float]]
+"""Metres as text, and their pixel along an edge of the plan."""
+
+
+def _sheet(
+    view: PlanView, layout: _Layout, marks: tuple[Marks, Marks], *, title: bool, caption: bool
+) -> tuple[Image.Image, PlanView]:
     """White paper with room for the plan, and the view placed on it."""
-    left = round(layout.letters * 3.2)
+    metres = [font(layout.small).getlength(text) for text, _ in marks[1]]
+    left = round(max(metres, default=0)) + layout.margin
     top = layout.margin + (round(layout.letters * 1.2) if title else 0)
     width = max(left + view.width + layout.margin, round(700 * layout.unit))
-    height = top + view.height + round(layout.letters * 6)
-    placed = PlanView(
-        view.grid, view.top, view.left, view.rows, view.columns, view.zoom,
-        (width + left - layout.margin - view.width) // 2, top,
-    )  # fmt: skip
-    return Image.new("RGB", (width, height), WHITE), placed
+    height = top + view.height + round(layout.letters * (6 if caption else 4))
+    x = (width + left - layout.margin - view.width) // 2
+    return Image.new("RGB", (width, height), WHITE), replace(view, x=x, y=top)
 
 
 def _mark_cells(
@@ -124,56 +142,50 @@ def _mark_cells(
             pixels[(y + dy)[inside], (x + dx)[inside]] = colour
 
 
-def _metre_positions(
-    view: PlanView,
-) -> tuple[float, list[tuple[float, float]], list[tuple[float, float]]]:
-    """Spacing in metres, and (metre, pixel in the plan) of the lines across and along.
+def _metre_marks(view: PlanView) -> tuple[Marks, Marks]:
+    """Round metres along the lower edge, and along the left one.
 
-    Metres are world coordinates when the map is not turned, else counted from its corner.
+    They are world coordinates when the map is not turned, else counted from its corner.
     """
     grid, origin = view.grid, view.grid.origin
     step = round_length(max(view.columns, view.rows) * grid.resolution / 5)
-    turned = abs(origin.theta) > 1e-9
-    x0, y0 = (0.0, 0.0) if turned else (origin.x, origin.y)
+    digits = max(-math.floor(math.log10(step)), 0)
+    x0, y0 = (0.0, 0.0) if abs(origin.theta) > 1e-9 else (origin.x, origin.y)
     left = x0 + view.left * grid.resolution
     bottom = y0 + (grid.rows - view.top - view.rows) * grid.resolution
-    per_metre = view.zoom / grid.resolution
 
-    def ticks(start: float, cells: int) -> list[tuple[float, float]]:
+    def marks(start: float, cells: int) -> Marks:
+        if abs(start) > 1e9 * step:
+            return []  # so far from the origin that round metres would all look the same
         first, last = math.ceil(start / step), math.floor((start + cells * grid.resolution) / step)
-        return [(k * step, (k * step - start) * per_metre) for k in range(first, last + 1)]
+        per_metre = view.zoom / grid.resolution
+        return [
+            (f"{k * step:.{digits}f}", (k * step - start) * per_metre)
+            for k in range(first, last + 1)
+        ]
 
-    across = ticks(left, view.columns)
-    along = [(metre, view.height - pixel) for metre, pixel in ticks(bottom, view.rows)]
-    return step, across, along
-
-
-def _metre_lines(pixels: NDArray[np.uint8], view: PlanView) -> None:
-    """Faint lines at round metres, only as dark as they need to be."""
-    _, across, along = _metre_positions(view)
-    height, width = pixels.shape[:2]
-    for _, x in across:
-        if 0 <= round(x) < width:
-            pixels[:, round(x)] = pixels[:, round(x)] // 20 * 18 + 6
-    for _, y in along:
-        if 0 <= round(y) < height:
-            pixels[round(y)] = pixels[round(y)] // 20 * 18 + 6
+    along = [(text, view.height - pixel) for text, pixel in marks(bottom, view.rows)]
+    return marks(left, view.columns), along
 
 
-def _frame(image: Image.Image, view: PlanView, layout: _Layout) -> None:
+def _metre_lines(pixels: NDArray[np.uint8], marks: tuple[Marks, Marks]) -> None:
+    """Faint lines at round metres, a tenth darker than what they cross."""
+    for axis, edge in enumerate(marks):
+        lines = pixels.swapaxes(0, 1) if axis == 0 else pixels
+        for _, pixel in edge:
+            if 0 <= round(pixel) < len(lines):
+                lines[round(pixel)] = lines[round(pixel)] // 20 * 18 + 6
+
+
+def _frame(image: Image.Image, view: PlanView, layout: _Layout, marks: tuple[Marks, Marks]) -> None:
     """A thin frame with metres along the left and the lower edge."""
-    draw = ImageDraw.Draw(image)
     right, bottom = view.x + view.width, view.y + view.height
-    draw.rectangle((view.x - 1, view.y - 1, right, bottom), outline=FAINT_INK)
-    step, across, along = _metre_positions(view)
-    digits = max(-math.floor(math.log10(step)), 0)
-    small, gap = round(layout.letters * 0.75), round(layout.letters * 0.4)
-    for metre, x in across:
-        text = f"{metre + 0.0:.{digits}f}"
-        label(image, view.x + x, bottom + gap, text, small, anchor="mt", fill=FAINT_INK, halo=None)
-    for metre, y in along:
-        text = f"{metre + 0.0:.{digits}f}"
-        label(image, view.x - gap, view.y + y, text, small, anchor="rm", fill=FAINT_INK, halo=None)
+    ImageDraw.Draw(image).rectangle((view.x - 1, view.y - 1, right, bottom), outline=FAINT_INK)
+    left, below = float(view.x - layout.gap), float(bottom + layout.gap)
+    places = [(text, view.x + pixel, below, "mt") for text, pixel in marks[0]]
+    places += [(text, left, view.y + pixel, "rm") for text, pixel in marks[1]]
+    for text, x, y, anchor in places:
+        label(image, x, y, text, layout.small, anchor=anchor, fill=FAINT_INK, halo=None)
 
 
 def _fractions(
@@ -240,7 +252,7 @@ def _pin(
 def _scale_bar(image: Image.Image, view: PlanView, layout: _Layout) -> None:
     """A bar of round metres under the plan's left corner."""
     per_metre = view.zoom / view.grid.resolution
-    metres = round_length(max(view.width, 300 * layout.unit) / per_metre / 4)
+    metres = round_length(0.3 * (image.width - view.x) / per_metre)
     y = view.y + view.height + round(layout.letters * 2.6)
     right = view.x + metres * per_metre
     thick = max(round(3 * layout.unit), 2)

@@ -5,13 +5,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec
+
+from PIL import Image
 
 from mapcli.formats.book_picture import book_image, cells_passed
 from mapcli.formats.drawing import png_bytes
 from mapcli.formats.floor_plan import plan_image
 from mapcli.formats.plan_view import PlanView, plan_pixels, view_of
-from mapcli.model.grid import GridMap
 
 __all__ = [
     "PlanView",
@@ -26,11 +29,19 @@ __all__ = [
 ]
 
 
-def floor_plan(grid: GridMap, **options: Any) -> bytes:
-    """A PNG of the floor plan; options as of `plan_image`."""
-    return png_bytes(plan_image(grid, **options))
+P = ParamSpec("P")
 
 
-def book_picture(grid: GridMap, **options: Any) -> bytes:
-    """A PNG in the book's look; options as of `book_image`."""
-    return png_bytes(book_image(grid, **options))
+def _as_png(draw: Callable[P, Image.Image]) -> Callable[P, bytes]:
+    @wraps(draw)
+    def picture(*args: P.args, **options: P.kwargs) -> bytes:
+        return png_bytes(draw(*args, **options))
+
+    return picture
+
+
+floor_plan = _as_png(plan_image)
+"""A PNG of the floor plan of a map; parameters as of `plan_image`."""
+
+book_picture = _as_png(book_image)
+"""A PNG of a small map in the book's look; parameters as of `book_image`."""

@@ -14,6 +14,9 @@ from mapcli.formats.maps import read_file
 
 POSE_TRACE = "mapcli.pose-trace"
 
+FARTHEST_M = 1e9
+"""No robot gets there; a number beyond is damage, and nothing could be drawn with it."""
+
 
 @dataclass(frozen=True, eq=False)
 class TracePoses:
@@ -46,7 +49,7 @@ def load_trace_poses(path: str | Path) -> TracePoses:
             raise _bad_pose(file, k, error) from error
     stamps = np.array([row[0] for row in rows], dtype=object)
     numbers = np.array([row[1:] for row in rows], dtype=np.float64).reshape(-1, 3)
-    bad = ~np.isfinite(numbers).all(axis=1) | (np.abs(stamps) >= 2**63)
+    bad = ~(np.abs(numbers) < FARTHEST_M).all(axis=1) | (np.abs(stamps) >= 2**63)
     if bad.any():
         raise _bad_pose(file, int(np.argmax(bad)), None)
     return TracePoses(stamps.astype(np.int64), numbers)
