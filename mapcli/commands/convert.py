@@ -7,15 +7,17 @@ from typing import Any
 
 import click
 
+from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import POSE, common_options, no_clobber_option
 from mapcli.commands._output import write_bytes, write_files
 from mapcli.errors import DataError, OutputError
+from mapcli.formats.grey import MODES
+from mapcli.formats.map_output import FORMATS, SUFFIXES, SaveOptions, dump_map
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 
 SHARE = click.FloatRange(0, 1)
-MODES = ("trinary", "scale", "raw")
-FORMATS = ("txt", "yaml", "pgm", "png")
+DEFAULTS = SaveOptions()
 
 
 @click.command(short_help="Convert a map from any format to any other.")
@@ -24,7 +26,7 @@ FORMATS = ("txt", "yaml", "pgm", "png")
 @click.option(
     "--mode",
     type=click.Choice(MODES),
-    default="trinary",
+    default=DEFAULTS.mode,
     show_default=True,
     help="What grey means in an image: open, obstacle, unknown; percents; percents as bytes.",
 )
@@ -44,13 +46,7 @@ FORMATS = ("txt", "yaml", "pgm", "png")
 @click.option(
     "--threshold", type=SHARE, metavar="P", help="Make known cells 1 from P on and 0 below."
 )
-@click.option(
-    "--dialect",
-    type=click.Choice(("nav2", "ros1")),
-    default="nav2",
-    show_default=True,
-    help="Whose rules say what the grey of IN's image means.",
-)
+@dialect_option
 @click.option("--to", "form", type=click.Choice(FORMATS), help="OUT's format if not its suffix's.")
 @click.option("--characters", is_flag=True, help="Text as `#`, `.` and `?`.")
 @click.option("--inline", is_flag=True, help="YAML with the cells inside, without an image.")
@@ -58,7 +54,7 @@ FORMATS = ("txt", "yaml", "pgm", "png")
 @click.option(
     "--bits",
     type=click.Choice(("8", "16")),
-    default="8",
+    default=str(DEFAULTS.bits),
     show_default=True,
     help="Of a PGM's pixels.",
 )
@@ -84,7 +80,7 @@ def command(
     """
     from mapcli.algorithms.threshold import binary_map
     from mapcli.formats.map_losses import losses
-    from mapcli.formats.maps import dump_map, load_map
+    from mapcli.formats.maps import load_map
 
     options = _save_options(target, given)
     if resolution is not None and not resolution > 0:
@@ -99,18 +95,14 @@ def command(
     else:
         write_files(Path(target).parent, files, no_clobber=no_clobber)
     if not quiet:
-        for warning in loaded.warnings:
-            click.echo(f"Warning: {source}: {warning}", err=True)
-        for loss in lost + _hints(grid, files, lost):
-            click.echo(f"Note: {target}: {loss}", err=True)
+        notes = [f"Note: {target}: {note}" for note in lost + _hints(grid, files, lost)]
+        for line in [f"Warning: {source}: {text}" for text in loaded.warnings] + notes:
+            click.echo(line, err=True)
     if verbose:
-        names = ", ".join(files)
-        click.echo(f"{names}: {grid.rows} rows, {grid.columns} columns", err=True)
+        click.echo(f"{', '.join(files)}: {grid.rows} rows, {grid.columns} columns", err=True)
 
 
-def _save_options(target: str, given: dict[str, Any]) -> Any:
-    from mapcli.formats.maps import SUFFIXES, SaveOptions
-
+def _save_options(target: str, given: dict[str, Any]) -> SaveOptions:
     given["format"] = given.pop("form") or ("txt" if target == "-" else None)
     given["bits"] = int(given["bits"])
     form = given["format"] or SUFFIXES.get(Path(target).suffix.lower())

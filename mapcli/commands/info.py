@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import click
 
+from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import common_options, no_clobber_option
 from mapcli.commands._output import write_bytes
 
@@ -19,13 +20,7 @@ LOG_STARTS = (b"\x89MCAP", b"\x1f\x8b", b"#ROSBAG", b"SQLite format 3")
 @click.command(short_help="Say what is in a map or a log.")
 @click.argument("files", metavar="FILE...", nargs=-1, required=True)
 @click.option("--json", "json_file", metavar="F", help="Write it as JSON; - is standard output.")
-@click.option(
-    "--dialect",
-    type=click.Choice(("nav2", "ros1")),
-    default="nav2",
-    show_default=True,
-    help="Whose rules say what the grey of a map's image means.",
-)
+@dialect_option
 @no_clobber_option
 @common_options
 def command(

@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import CELL, common_options, no_clobber_option
 from mapcli.commands._output import write_bytes
 from mapcli.errors import DataError
@@ -30,13 +31,7 @@ LARGEST_PICTURE = 20_000
 @click.option("--robot", "robots", type=CELL, multiple=True, help="A robot's cell. Repeatable.")
 @click.option("--scale", type=click.IntRange(1), metavar="N", help="Pixels per cell.")
 @click.option("--title", default="", help="A line above a floor plan.")
-@click.option(
-    "--dialect",
-    type=click.Choice(("nav2", "ros1")),
-    default="nav2",
-    show_default=True,
-    help="Whose rules say what the grey of a map's image means.",
-)
+@dialect_option
 @no_clobber_option
 @common_options
 def command(

@@ -102,14 +102,10 @@ def plan_image(
     if path is not None and len(path):
         image = _draw_path(image, view, layout, path, _fractions(path, stamps), headings)
         _time_bar(image, view, layout, stamps)
-    for x, y, text in markers:
-        _pin(image, view, layout, x, y, text)
+    for marker in markers:
+        _pin(image, view, layout, marker)
     _scale_bar(image, view, layout)
-    if title:
-        label(image, view.x, layout.margin, title, round(layout.letters * 1.3), anchor="ls")
-    if caption:
-        below = image.height - layout.margin * 0.6
-        label(image, view.x, below, caption, layout.letters, anchor="ls", fill=FAINT_INK)
+    _write_around(image, view, layout, title, caption)
     return image
 
 
@@ -128,6 +124,14 @@ def _sheet(
     height = top + view.height + round(layout.letters * (6 if caption else 4))
     x = (width + left - layout.margin - view.width) // 2
     return Image.new("RGB", (width, height), WHITE), replace(view, x=x, y=top)
+
+
+def _write_around(
+    image: Image.Image, view: PlanView, layout: _Layout, title: str, caption: str
+) -> None:
+    large, below = round(layout.letters * 1.3), image.height - layout.margin * 0.6
+    label(image, view.x, layout.margin, title, large, anchor="ls")
+    label(image, view.x, below, caption, layout.letters, anchor="ls", fill=FAINT_INK)
 
 
 def _mark_cells(
@@ -241,9 +245,8 @@ def _arrows(
         smooth_polygon(image, corners, time_colour(fractions[k]), WHITE, 1.2 * layout.unit)
 
 
-def _pin(
-    image: Image.Image, view: PlanView, layout: _Layout, x: float, y: float, text: str
-) -> None:
+def _pin(image: Image.Image, view: PlanView, layout: _Layout, marker: Marker) -> None:
+    x, y, text = marker
     px, py = (float(v) for v in view.pixels_of_world(np.array([[x, y]]))[0])
     smooth_disc(image, px, py, 6 * layout.unit, RED, WHITE, 1.5 * layout.unit)
     label(image, px + 10 * layout.unit, py, text, layout.letters, anchor="lm")

@@ -105,25 +105,34 @@ def load_map(
         FormatError: the file, or the image it names, does not hold a map.
         DataError: a resolution that is not positive.
     """
-    path = Path(path)
+    loaded = _load(Path(path), dialect, resolution, origin, form, read)
+    if resolution is None and origin is None:
+        return loaded
+    grid = loaded.grid
+    size = grid.resolution if resolution is None else resolution
+    return replace(loaded, grid=GridMap(grid.cells, size, origin or grid.origin))
+
+
+def _load(
+    path: Path,
+    dialect: Dialect,
+    resolution: float | None,
+    origin: Pose2D | None,
+    form: Format | None,
+    read: ReadBytes,
+) -> LoadedMap:
     data = read(path)
     if not data.strip():
         raise FormatError("is empty", file=path, expected="a map")
     kind = form or SUFFIXES.get(path.suffix.lower()) or sniff(data)
     if kind == "txt":
         grid, cells = read_text(data, str(path))
-        loaded = LoadedMap(grid, f"text, {cells}", (path,))
-    elif kind == "yaml":
-        loaded = _load_yaml(path, data, dialect, read)
-    else:
-        assumed = [] if resolution else ["1 m per cell"]
-        assumed += [] if origin else ["origin 0, 0, 0"]
-        loaded = _load_image(path, data, dialect, assumed)
-    if resolution is None and origin is None:
-        return loaded
-    grid = loaded.grid
-    size = grid.resolution if resolution is None else resolution
-    return replace(loaded, grid=GridMap(grid.cells, size, origin or grid.origin))
+        return LoadedMap(grid, f"text, {cells}", (path,))
+    if kind == "yaml":
+        return _load_yaml(path, data, dialect, read)
+    assumed = [] if resolution else ["1 m per cell"]
+    assumed += [] if origin else ["origin 0, 0, 0"]
+    return _load_image(path, data, dialect, assumed)
 
 
 def sniff(data: bytes) -> Format:
