@@ -123,6 +123,18 @@ def test_files_come_in_the_order_of_writing() -> None:
     assert list(dump_map(PLACED, "map", SaveOptions(format="pgm"))) == ["map"]
 
 
+@pytest.mark.parametrize(
+    "name", ["my map.yaml", "42.yaml", 'a"b\\c.yaml', "a\tb\n.yaml", "karte-ö.yaml"]
+)
+def test_image_names_are_quoted_where_yaml_needs_it(name: str) -> None:
+    assert_same(reload(PLACED, name).grid, PLACED)
+
+
+def test_a_yaml_and_its_image_never_share_a_name() -> None:
+    files = dump_map(PLACED, "m.pgm", SaveOptions(format="yaml"))
+    assert list(files) == ["m.pgm.pgm", "m.pgm"]
+
+
 def test_metadata_inside_an_image_are_comments_for_others() -> None:
     (data,) = dump_map(PLACED, "m.pgm").values()
     assert data.startswith(

@@ -106,6 +106,7 @@ def dump_map(
     if kind == "yaml":
         image_kind: Format = "png" if options.mode == "scale" else "pgm"
         image = str(PurePath(name).with_suffix(f".{image_kind}"))
+        image = f"{name}.{image_kind}" if image == name else image
         text = image_meta_lines(grid, options.rule, image)
         return {image: _encode(grid, image_kind, options, note=""), name: text.encode()}
     return {name: _encode(grid, kind, options, note=image_meta_lines(grid, options.rule))}

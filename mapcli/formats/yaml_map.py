@@ -16,6 +16,7 @@ ignored. Numbers are written as the shortest text that reads back as the same nu
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import dataclass
 
@@ -212,7 +213,7 @@ def _quoted(name: str) -> str:
     plain = name.replace(".", "").replace("-", "").replace("_", "")
     if plain.isascii() and plain.isalnum() and not plain.isdigit() and name[0].isalpha():
         return name
-    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return json.dumps(name, ensure_ascii=False)  # a JSON string is a YAML scalar
 
 
 def write_cells_yaml(grid: GridMap) -> bytes:
