@@ -62,6 +62,18 @@ class GridMap:
         if not np.isfinite([self.origin.x, self.origin.y, self.origin.theta]).all():
             raise DataError("origin is not finite", expected="x, y, yaw")
 
+    @classmethod
+    def from_bottom_up(
+        cls, cells: NDArray[np.float32], resolution: float, corner: tuple[float, float]
+    ) -> GridMap:
+        """A map from an array whose row 0 is the lowest y, as algorithms find handy.
+
+        Args:
+            cells: shape (rows, columns), `[v, u]` with u along x and v along y.
+            corner: world x, y of the outer corner of `cells[0, 0]`.
+        """
+        return cls(cells[::-1], resolution, Pose2D(*corner))
+
     @property
     def rows(self) -> int:
         return int(self.cells.shape[0])

@@ -49,9 +49,9 @@ class Pose2D:
     def apply(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points, shape (n, 2), from this pose's frame into its parent's."""
         cos, sin = math.cos(self.theta), math.sin(self.theta)
-        rotation = np.array([[cos, -sin], [sin, cos]])
-        moved: NDArray[np.float64] = points @ rotation.T + np.array([self.x, self.y])
-        return moved
+        x, y = points[:, 0], points[:, 1]
+        # Written out: a matrix product would go through BLAS, whose rounding varies by machine.
+        return np.column_stack([cos * x - sin * y + self.x, sin * x + cos * y + self.y])
 
     def distance(self, other: Pose2D) -> float:
         """Metres between the two positions."""

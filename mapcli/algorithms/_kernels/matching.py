@@ -1,0 +1,327 @@
+"""Finding the pose at which a scan fits the map: branch and bound, then Gauss-Newton.
+
+Poses are (u, v, theta) in cells and radians; points are in the robot's frame, in cells. Callers
+see to it that every point of every pose in the window, and the width of the coarsest level beyond
+it, lie inside the arrays.
+"""
+
+from __future__ import annotations
+
+from math import cos, floor, sin
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+FULL = 255.0
+"""The field's value on a wall."""
+
+Prior = tuple[float, float, float, float]
+
+
+@njit(cache=True)
+def thin(points: NDArray[np.float64], cell: float) -> NDArray[np.int64]:
+    """Indices, ascending, of the first point in each square of side `cell`."""
+    n = len(points)
+    size = 16
+    while size < 4 * n:
+        size *= 2
+    keys = np.empty(size, np.int64)
+    used = np.zeros(size, np.bool_)
+    kept = np.empty(n, np.int64)
+    count = 0
+    for i in range(n):
+        key = floor(points[i, 0] / cell) * 4000037 + floor(points[i, 1] / cell)
+        slot = (key * 40503) & (size - 1)
+        while used[slot] and keys[slot] != key:
+            slot = (slot + 1) & (size - 1)
+        if not used[slot]:
+            used[slot] = True
+            keys[slot] = key
+            kept[count] = i
+            count += 1
+    return kept[:count]
+
+
+@njit(cache=True)
+def penalty(shift: float, turn: float, prior: Prior) -> float:
+    """What a pose loses by leaving the odometry's: rising at first, level far away.
+
+    Args:
+        shift: squared distance in cells; turn: squared angle in steps.
+        prior: (most, knee, per squared cell, per squared step); the last two turn the distances
+            into squared standard deviations, `knee` of them cost half of `most`.
+    """
+    most, knee, per_cell, per_step = prior
+    a, b = shift * per_cell, turn * per_step
+    return most * (a / (knee + a) + b / (knee + b))
+
+
+@njit(cache=True)
+def nearest_in(low: int, width: int) -> int:
+    """The smallest distance from 0 in low, low + 1, ..., low + width - 1."""
+    if low > 0:
+        return low
+    return max(0, -(low + width - 1))
+
+
+@njit(cache=True)
+def total(field: NDArray[np.uint8], places: NDArray[np.int64], offset: int) -> int:
+    """Sum of the field at the points. (A loop so plain that it compiles to four loads at a time;
+    looking now and then whether the rest can still win made it three times slower.)"""
+    score = 0
+    for p in range(len(places)):
+        score += field[places[p] + offset]
+    return score
+
+
+@njit(cache=True)
+def search(
+    fields: NDArray[np.uint8],
+    widths: NDArray[np.int64],
+    points: NDArray[np.float64],
+    start: NDArray[np.float64],
+    half: tuple[int, int],
+    steps: tuple[int, float],
+    prior: Prior,
+    top: int,
+) -> NDArray[np.float64]:
+    """The best pose of a window around `start`, the same that trying all of them would find.
+
+    The score of a pose is the sum of `fields[0]` at its points less `penalty`. A node is a turn
+    and a square of `widths[level]` cells; the coarser field there bounds the score of all poses
+    in it, so nodes that cannot beat the best pose so far are never opened.
+
+    Args:
+        fields, widths: see `mapping.update_field`.
+        points: shape (n, 2).
+        start: (u, v, theta), the pose from odometry.
+        half: (cells, turns): the window's half-widths in cells and in turns.
+        steps: (cells between poses, a whole number; radians between turns).
+        prior: see `penalty`.
+        top: the level of the largest nodes.
+
+    Returns:
+        (du, dv, turns, score, sum of the field): du, dv in cells, turns in steps, from `start`.
+    """
+    reach, turns = half
+    stride, turn_step = steps
+    columns = fields.shape[2]
+    layers = fields.reshape(fields.shape[0], -1)
+    width = widths[top]
+    side = (2 * reach + 1 + width - 1) // width
+    places = np.empty((2 * turns + 1, len(points)), np.int64)
+    bounds = np.empty((2 * turns + 1) * side * side)
+    for k in range(2 * turns + 1):
+        theta = start[2] + (k - turns) * turn_step
+        c, s = cos(theta), sin(theta)
+        for p in range(len(points)):
+            u = start[0] + c * points[p, 0] - s * points[p, 1]
+            v = start[1] + s * points[p, 0] + c * points[p, 1]
+            places[k, p] = floor(v) * columns + floor(u)
+        for node in range(side * side):
+            dv, du = node // side * width - reach, node % side * width - reach
+            shift = nearest_in(du, width) ** 2 + nearest_in(dv, width) ** 2
+            fit = total(layers[top], places[k], dv * columns + du)
+            bounds[k * side * side + node] = fit - penalty(shift, (k - turns) ** 2, prior)
+    best = np.array([0.0, 0.0, 0.0, -np.inf, 0.0])
+    for node in np.argsort(-bounds):
+        if bounds[node] <= best[3]:
+            break
+        k, square = node // (side * side), node % (side * side)
+        dv, du = square // side * width - reach, square % side * width - reach
+        open_node(
+            layers, widths, places[k], columns, (du, dv, k - turns, top), reach, stride, prior, best
+        )
+    return best
+
+
+@njit(cache=True)
+def open_node(
+    layers: NDArray[np.uint8],
+    widths: NDArray[np.int64],
+    places: NDArray[np.int64],
+    columns: int,
+    node: tuple[int, int, int, int],
+    reach: int,
+    stride: int,
+    prior: Prior,
+    best: NDArray[np.float64],
+) -> None:
+    """Look into one node (du, dv, turn, level), level by level; `best` is changed in place."""
+    stack = np.empty((4 * 16 * 16, 3), np.int64)
+    stack[0, 0], stack[0, 1], stack[0, 2] = node[0], node[1], node[3]
+    depth, turn = 1, node[2]
+    while depth:
+        depth -= 1
+        low_u, low_v, level = stack[depth, 0], stack[depth, 1], stack[depth, 2]
+        width, child = widths[level], widths[level - 1]
+        for dv in range(low_v, min(low_v + width, reach + 1), child):
+            for du in range(low_u, min(low_u + width, reach + 1), child):
+                if child == 1 and (du % stride or dv % stride):
+                    continue
+                shift = nearest_in(du, child) ** 2 + nearest_in(dv, child) ** 2
+                fit = total(layers[level - 1], places, dv * columns + du)
+                score = fit - penalty(shift, turn * turn, prior)
+                if score <= best[3]:
+                    continue
+                if child == 1:
+                    best[0], best[1], best[2], best[3], best[4] = du, dv, turn, score, fit
+                else:
+                    stack[depth, 0], stack[depth, 1], stack[depth, 2] = du, dv, level - 1
+                    depth += 1
+
+
+@njit(cache=True)
+def refine(
+    field: NDArray[np.uint8],
+    points: NDArray[np.float64],
+    start: NDArray[np.float64],
+    prior_pose: NDArray[np.float64],
+    weights: tuple[float, float],
+    iterations: int,
+) -> NDArray[np.float64]:
+    """Levenberg-Marquardt on the bilinear field: the last millimetres.
+
+    Minimises the sum over the points of (1 - field)^2 plus `weights` times the squared distance
+    from `prior_pose`, from `start` on. Never returns a pose worse than `start`.
+
+    Args:
+        field: 255 on walls, 0 away from them.
+        points: shape (n, 2).
+        start, prior_pose: (u, v, theta).
+        weights: (per squared cell, per squared radian).
+        iterations: at most.
+    """
+    best = start.copy()
+    least, kept_normal, kept_gradient = linearise(field, points, start, prior_pose, weights)
+    damping = 1e-3
+    for _ in range(iterations):
+        step = solve3(kept_normal, kept_gradient, damping)
+        if abs(step[0]) < 1e-3 and abs(step[1]) < 1e-3 and abs(step[2]) < 1e-5:
+            break
+        pose = best + step
+        cost, normal, gradient = linearise(field, points, pose, prior_pose, weights)
+        if cost < least:
+            least = cost
+            best[:] = pose
+            damping *= 0.3
+            kept_normal, kept_gradient = normal, gradient
+        else:
+            damping *= 10.0
+    return best
+
+
+@njit(cache=True)
+def linearise(
+    field: NDArray[np.uint8],
+    points: NDArray[np.float64],
+    pose: NDArray[np.float64],
+    prior_pose: NDArray[np.float64],
+    weights: tuple[float, float],
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+    """Cost, normal matrix and gradient of `refine` at a pose."""
+    a = np.zeros((3, 3))
+    g = np.zeros(3)
+    cost = 0.0
+    c, s = cos(pose[2]), sin(pose[2])
+    for p in range(len(points)):
+        x = c * points[p, 0] - s * points[p, 1]
+        y = s * points[p, 0] + c * points[p, 1]
+        u, v = pose[0] + x - 0.5, pose[1] + y - 0.5  # values live at cell centres
+        i, j = floor(u), floor(v)
+        right, up = u - i, v - j
+        m00, m10 = field[j, i] / FULL, field[j, i + 1] / FULL
+        m01, m11 = field[j + 1, i] / FULL, field[j + 1, i + 1] / FULL
+        left_right_low, left_right_high = m10 - m00, m11 - m01
+        low, high = m00 + left_right_low * right, m01 + left_right_high * right
+        r = 1.0 - (low + (high - low) * up)
+        gu = left_right_low + (left_right_high - left_right_low) * up
+        gv = high - low
+        gt = x * gv - y * gu
+        cost += r * r
+        a[0, 0] += gu * gu
+        a[0, 1] += gu * gv
+        a[0, 2] += gu * gt
+        a[1, 1] += gv * gv
+        a[1, 2] += gv * gt
+        a[2, 2] += gt * gt
+        g[0] += gu * r
+        g[1] += gv * r
+        g[2] += gt * r
+    for k in range(3):
+        weight = weights[min(k // 2, 1)]
+        off = prior_pose[k] - pose[k]
+        cost += weight * off * off
+        a[k, k] += weight
+        g[k] += weight * off
+    a[1, 0], a[2, 0], a[2, 1] = a[0, 1], a[0, 2], a[1, 2]
+    return cost, a, g
+
+
+@njit(cache=True)
+def solve3(
+    normal: NDArray[np.float64], gradient: NDArray[np.float64], damping: float
+) -> NDArray[np.float64]:
+    """Solve (normal + damping * its diagonal) x = gradient by Cramer's rule."""
+    a = normal.copy()
+    for k in range(3):
+        a[k, k] += damping * a[k, k] + 1e-9
+    c00 = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]
+    c01 = a[1, 2] * a[2, 0] - a[1, 0] * a[2, 2]
+    c02 = a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]
+    det = a[0, 0] * c00 + a[0, 1] * c01 + a[0, 2] * c02
+    c11 = a[0, 0] * a[2, 2] - a[0, 2] * a[2, 0]
+    c12 = a[0, 1] * a[2, 0] - a[0, 0] * a[2, 1]
+    c22 = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
+    b = gradient
+    return np.array(
+        [
+            (c00 * b[0] + c01 * b[1] + c02 * b[2]) / det,
+            (c01 * b[0] + c11 * b[1] + c12 * b[2]) / det,
+            (c02 * b[0] + c12 * b[1] + c22 * b[2]) / det,
+        ]
+    )
+
+
+@njit(cache=True)
+def overlap(
+    log_odds: NDArray[np.int16],
+    field: NDArray[np.uint8],
+    points: NDArray[np.float64],
+    pose: NDArray[np.float64],
+) -> tuple[int, float]:
+    """(points on cells that the map knows or that border a wall, their share of agreement)."""
+    c, s = cos(pose[2]), sin(pose[2])
+    known, agreement = 0, 0.0
+    for p in range(len(points)):
+        u = floor(pose[0] + c * points[p, 0] - s * points[p, 1])
+        v = floor(pose[1] + s * points[p, 0] + c * points[p, 1])
+        if log_odds[v, u] != 0 or field[v, u] > 0:
+            known += 1
+            agreement += field[v, u] / FULL
+    return known, agreement / max(known, 1)
+
+
+@njit(cache=True)
+def sum_of_products(
+    log_odds: NDArray[np.int16],
+    cells: NDArray[np.float64],
+    values: NDArray[np.int64],
+    pose: NDArray[np.float64],
+) -> int:
+    """S of Sect. 9.5: the sum of m(i, j) p(i, j) over the cells of a perception map.
+
+    Args:
+        log_odds: the current map; its sign is m: -1 empty, +1 obstacle, 0 unknown.
+        cells: shape (n, 2), centres of the perception map's cells in the robot's frame.
+        values: shape (n,), p: -1 empty, +1 obstacle.
+        pose: (u, v, theta) of the robot.
+    """
+    c, s = cos(pose[2]), sin(pose[2])
+    score = 0
+    for k in range(len(cells)):
+        u = floor(pose[0] + c * cells[k, 0] - s * cells[k, 1])
+        v = floor(pose[1] + s * cells[k, 0] + c * cells[k, 1])
+        score += values[k] * np.sign(log_odds[v, u])
+    return score

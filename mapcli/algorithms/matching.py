@@ -1,0 +1,277 @@
+"""Lines 5 to 8 of Algorithm 9.2: the best of the test positions T around the odometry's pose.
+
+Three ways to search T:
+
+- `window`: every cell and every half degree of a window, by branch and bound, then Gauss-Newton
+  for the last millimetres. The window follows what odometry can err by; where the scan does not
+  fit the map anywhere in it, odometry is taken to have failed and a far wider one is searched.
+- `book`: the fifteen poses of Sect. 9.5 with S, the sum of products, as similarity.
+- `none`: the odometry's pose as it is.
+
+The score of `window` is how well the ends of the beams fit the likelihood field, less a penalty
+for leaving the odometry's pose. The penalty levels off: odometry that errs a little is believed
+against a map that hardly cares (a corridor), odometry that is plainly wrong costs no more than a
+fixed share of the score. Ends on unknown cells count nothing (Sect. 9.7: only where both overlap).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.algorithms._kernels import matching as kernels
+from mapcli.algorithms.occupancy import LEVEL_WIDTHS, OccupancyGrid
+from mapcli.algorithms.perception import Perception
+from mapcli.model.pose import Pose2D
+
+Search = Literal["window", "book", "none"]
+
+BOOK_TURN = math.radians(15)
+"""To either side of the odometry heading, the turns of Sect. 9.5."""
+
+
+@dataclass(frozen=True)
+class OdometryModel:
+    """How far odometry may err over one step: standard deviations.
+
+    Attributes:
+        xy_floor: metres, even when the robot stands; xy_per_m, xy_per_rad: metres more per metre
+            and per radian of motion.
+        turn_floor_deg: degrees; turn_per_rad: radians per radian; turn_deg_per_m: degrees per
+            metre.
+        lost_xy, lost_turn_deg: where there is no odometry at all.
+    """
+
+    xy_floor: float = 0.02
+    xy_per_m: float = 0.1
+    xy_per_rad: float = 0.05
+    turn_floor_deg: float = 0.5
+    turn_per_rad: float = 0.15
+    turn_deg_per_m: float = 2.0
+    lost_xy: float = 0.15
+    lost_turn_deg: float = 5.0
+
+    def spread(self, motion: Pose2D | None) -> Spread:
+        """What to expect after a motion; None is unknown."""
+        if motion is None:
+            return Spread(self.lost_xy, math.radians(self.lost_turn_deg), 0.0)
+        metres, turn = math.hypot(motion.x, motion.y), abs(motion.theta)
+        return Spread(
+            self.xy_floor + self.xy_per_m * metres + self.xy_per_rad * turn,
+            math.radians(self.turn_floor_deg + self.turn_deg_per_m * metres)
+            + self.turn_per_rad * turn,
+            metres,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Standard deviations of a predicted pose: metres, radians; and the metres driven."""
+
+    xy: float
+    turn: float
+    metres: float
+
+
+@dataclass(frozen=True)
+class MatchParameters:
+    """How T is searched.
+
+    Attributes:
+        search: see the module.
+        window_xy, window_theta_deg: half-widths of the window, to which `window_spreads` standard
+            deviations of the odometry's error are added.
+        step_xy: metres between test positions, rounded to whole cells; None is one cell.
+        step_theta_deg: degrees between test headings.
+        prior: the most that leaving the odometry's pose costs, as a share of a perfect score.
+        prior_knee: squared standard deviations that cost half of it.
+        prior_in_refinement: how much weaker the prior is in the refinement, where the scan's many
+            points already are evidence enough and only a corridor's open direction needs it.
+        fewest: a scan of fewer points says nothing; `usual`: a scan of fewer says less than it
+            seems to, so the prior weighs as if it had that many.
+        lost_below: the share of the usual agreement below which odometry is suspected; then
+        lost_xy, lost_xy_per_m, lost_theta_deg: a window of this half-width is searched, and
+            believed when the agreement there is usual again, better by `lost_gain`, and the scan
+            overlaps the map by `lost_overlap`.
+    """
+
+    search: Search = "window"
+    window_xy: float = 0.1
+    window_theta_deg: float = 2.0
+    window_spreads: float = 4.0
+    step_xy: float | None = None
+    step_theta_deg: float = 0.5
+    prior: float = 0.1
+    prior_knee: float = 9.0
+    prior_in_refinement: float = 0.03
+    iterations: int = 10
+    fewest: int = 5
+    usual: int = 40
+    lost_below: float = 0.75
+    lost_gain: float = 0.2
+    lost_overlap: float = 0.4
+    lost_xy: float = 0.5
+    lost_xy_per_m: float = 2.2
+    lost_theta_deg: float = 45.0
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """The best test position.
+
+    Attributes:
+        pose: world pose of the robot.
+        score: agreement of the scan with the map where both know something, 0 to 1.
+        overlap: points of the scan that fall there.
+        found: whether the scan could say anything; otherwise the pose is the odometry's.
+    """
+
+    pose: Pose2D
+    score: float
+    overlap: int
+    found: bool
+
+
+def best_pose(
+    grid: OccupancyGrid,
+    perception: Perception,
+    predicted: Pose2D,
+    spread: Spread,
+    parameters: MatchParameters,
+    usual_score: float = 1.0,
+) -> Match:
+    """The position in T, around the predicted pose, whose perception fits the map best.
+
+    `usual_score` is the agreement that scans of this log have lately had.
+    """
+    if parameters.search == "book":
+        return best_of_fifteen(grid, perception, predicted)
+    points = thinned(perception.hits, grid.parameters.resolution)
+    if parameters.search == "none" or len(points) < parameters.fewest:
+        return Match(predicted, 0.0, 0, found=False)
+    wide = parameters.lost_xy + parameters.lost_xy_per_m * spread.metres
+    wide = max(wide, parameters.window_xy + parameters.window_spreads * spread.xy)
+    reach = wide + 2 * grid.parameters.resolution + float(np.hypot(*points.T).max())
+    centre = np.array([predicted.x, predicted.y])
+    grid.cover(centre - reach, centre + reach)
+    return _Window(grid, points, predicted, spread, parameters).best(wide, usual_score)
+
+
+def thinned(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
+    """One point per square of side `cell`, so that near walls do not outvote far ones."""
+    return points[kernels.thin(points, cell)]
+
+
+class _Window:
+    """One search of a window around a predicted pose."""
+
+    def __init__(
+        self,
+        grid: OccupancyGrid,
+        points: NDArray[np.float64],
+        predicted: Pose2D,
+        spread: Spread,
+        parameters: MatchParameters,
+    ) -> None:
+        self.grid, self.parameters, self.spread = grid, parameters, spread
+        self.cell = grid.parameters.resolution
+        self.points = points / self.cell
+        self.predicted = grid.pose_to_cells(predicted)
+        self.turn_step = math.radians(parameters.step_theta_deg)
+        stride = 1 if parameters.step_xy is None else round(parameters.step_xy / self.cell)
+        self.stride = max(1, stride)
+        self.weight = kernels.FULL * max(len(points), parameters.usual) * parameters.prior
+
+    def best(self, wide: float, usual_score: float) -> Match:
+        """The best pose; a window of half-width `wide` is searched when odometry seems lost."""
+        p = self.parameters
+        low = p.lost_below * usual_score
+        pose, overlap, agreement = self._search(
+            p.window_xy + p.window_spreads * self.spread.xy,
+            math.radians(p.window_theta_deg) + p.window_spreads * self.spread.turn,
+        )
+        if agreement < low:
+            other = self._search(wide, math.radians(p.lost_theta_deg))
+            enough = other[1] >= p.lost_overlap * len(self.points)
+            if enough and other[2] >= max(low, agreement + p.lost_gain):
+                pose, overlap, agreement = other
+        found = overlap >= p.fewest
+        return Match(self.grid.pose_from_cells(pose), agreement, overlap, found)
+
+    def _search(self, half_xy: float, half_turn: float) -> tuple[NDArray[np.float64], int, float]:
+        """(pose, overlap, agreement) of the best pose in a window, refined; in cells."""
+        reach = math.ceil(half_xy / self.cell)
+        turns = math.ceil(half_turn / self.turn_step)
+        cell_prior = (self.cell / self.spread.xy) ** 2
+        step_prior = (self.turn_step / self.spread.turn) ** 2
+        du, dv, turn, _, _ = kernels.search(
+            self.grid.fields,
+            LEVEL_WIDTHS,
+            self.points,
+            self.predicted,
+            (reach, turns),
+            (self.stride, self.turn_step),
+            (self.weight, self.parameters.prior_knee, cell_prior, step_prior),
+            2 if reach < 32 else 3,
+        )
+        pose = self._refine(self.predicted + np.array([du, dv, turn * self.turn_step]))
+        overlap, agreement = kernels.overlap(
+            self.grid.log_odds, self.grid.fields[0], self.points, pose
+        )
+        return pose, overlap, agreement
+
+    def _refine(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        p = self.parameters
+        slope = p.prior_in_refinement * self.weight / kernels.FULL / p.prior_knee
+        weights = (slope * (self.cell / self.spread.xy) ** 2, slope / self.spread.turn**2)
+        refined: NDArray[np.float64] = kernels.refine(
+            self.grid.fields[0], self.points, pose, self.predicted, weights, p.iterations
+        )
+        return refined
+
+
+def best_of_fifteen(grid: OccupancyGrid, perception: Perception, predicted: Pose2D) -> Match:
+    """The best of the fifteen poses of Sect. 9.5; the first of equals, the intended one first."""
+    cell = grid.parameters.resolution
+    cells, values = perception_cells(perception, cell)
+    reach = 2 * cell + float(np.hypot(*cells.T).max(initial=0.0))
+    centre = np.array([predicted.x, predicted.y])
+    grid.cover(centre - reach, centre + reach)
+    start = grid.pose_to_cells(predicted)
+    tests = [
+        start + np.array([du, dv, turn])
+        for du, dv in ((0, 0), (0, 1), (0, -1), (-1, 0), (1, 0))
+        for turn in (0.0, -BOOK_TURN, BOOK_TURN)
+    ]
+    sums = [kernels.sum_of_products(grid.log_odds, cells / cell, values, test) for test in tests]
+    best = tests[int(np.argmax(sums))]
+    overlap, agreement = kernels.overlap(
+        grid.log_odds, grid.fields[0], perception.hits / cell, best
+    )
+    return Match(grid.pose_from_cells(best), agreement, overlap, found=overlap > 0)
+
+
+def perception_cells(
+    perception: Perception, cell: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The perception map written out: centres of its cells and what they hold, -1 or +1.
+
+    Shapes (n, 2), metres in the robot's frame, and (n,). A beam is empty up to the cell before
+    the one it ends in; a cell that any beam ends in is an obstacle.
+    """
+    ends = np.concatenate([perception.hits, perception.open_ends])
+    rays = ends - perception.laser
+    lengths = np.hypot(rays[:, 0], rays[:, 1])
+    free = [np.empty((0, 2))]
+    for ray, length in zip(rays, lengths, strict=True):
+        steps = np.arange(0.0, length - cell, cell)[:, None]
+        free.append(perception.laser + ray / max(length, cell) * steps)
+    points = np.concatenate([perception.hits, *free])
+    values = np.full(len(points), -1, dtype=np.int64)
+    values[: len(perception.hits)] = 1
+    kept = kernels.thin(points, cell)
+    return points[kept], values[kept]

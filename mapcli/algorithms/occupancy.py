@@ -1,0 +1,180 @@
+"""The current map of Algorithm 9.2: log-odds that grow with what the robot sees.
+
+Log-odds are kept in 1/17ths as int16, 0 meaning unknown. A hit is worth more than three passes:
+a laser seldom reports a wall that is not there, while beams that graze a wall pass through its
+cells again and again. The limits keep a cell from being so sure that it can never change.
+
+Beside the map lives its likelihood field: how well a beam's end fits each place, 255 on a wall
+and falling off as a Gaussian around it, with coarser levels that bound it (`_kernels.mapping`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.algorithms._kernels.mapping import integrate_beams, update_field
+from mapcli.algorithms.perception import Perception
+from mapcli.errors import DataError
+from mapcli.model.grid import GridMap, crop_to_known
+from mapcli.model.pose import Pose2D
+
+LOG_ODDS_UNIT = 1 / 17
+"""One count of log-odds: a pass gives p = 0.19 of an obstacle, a hit p = 0.993."""
+
+LEVEL_WIDTHS = np.array([1, 2, 4, 16], dtype=np.int64)
+"""Cells a side that one value of each level of the field bounds."""
+
+BLOCK = 256
+"""The array grows by whole blocks of cells."""
+
+MARGIN = 32
+"""Cells around everything that is covered, for the field's bumps and the coarsest level."""
+
+MAX_CELLS = 400_000_000
+"""2 GB of map: 1 km x 1 km at 5 cm. Beyond that something is wrong with the log."""
+
+
+@dataclass(frozen=True)
+class MapParameters:
+    """How the map is made.
+
+    Attributes:
+        resolution: metres per cell.
+        hit, miss: what a beam's end adds, what a beam passing takes, in units of log-odds.
+        highest, lowest: the limits of a cell.
+        blur: standard deviation of the likelihood field around a wall, metres; at least a cell.
+
+    Raises:
+        DataError: a resolution that is not positive.
+    """
+
+    resolution: float = 0.05
+    hit: int = 85
+    miss: int = 25
+    highest: int = 1000
+    lowest: int = -500
+    blur: float = 0.05
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.resolution) and self.resolution > 0):
+            raise DataError(f"resolution {self.resolution:g}", expected="metres, more than 0")
+
+    def bump(self) -> NDArray[np.uint8]:
+        """The likelihood field around one wall cell, shape (2 r + 1, 2 r + 1)."""
+        sigma = max(self.blur / self.resolution, 1.0)
+        radius = math.ceil(3 * sigma)
+        steps = np.arange(-radius, radius + 1)
+        squares = steps[:, None] ** 2 + steps[None, :] ** 2
+        values = np.round(255 * np.exp(-squares / (2 * sigma**2)))
+        return np.where(squares <= (radius + 0.5) ** 2, values, 0).astype(np.uint8)
+
+
+class OccupancyGrid:
+    """The map while it is being made (stateful: `cover` and `integrate` change it).
+
+    Attributes:
+        log_odds: shape (rows, columns), int16, bottom-up: `[v, u]`, u along x and v along y.
+        fields: shape (levels, rows, columns), uint8, the likelihood field and its bounds.
+    """
+
+    def __init__(self, parameters: MapParameters | None = None) -> None:
+        self.parameters = parameters or MapParameters()
+        self.log_odds = np.zeros((0, 0), dtype=np.int16)
+        self.fields = np.zeros((len(LEVEL_WIDTHS), 0, 0), dtype=np.uint8)
+        self._bump = self.parameters.bump()
+        self._u0 = self._v0 = 0
+        self._changed = np.empty((0, 2), dtype=np.int32)
+
+    def to_cells(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """World points, shape (n, 2), as (u, v) in cells of the array."""
+        return points / self.parameters.resolution - np.array([self._u0, self._v0], np.float64)
+
+    def pose_to_cells(self, pose: Pose2D) -> NDArray[np.float64]:
+        """(u, v, theta) of a world pose."""
+        scale = self.parameters.resolution
+        return np.array([pose.x / scale - self._u0, pose.y / scale - self._v0, pose.theta])
+
+    def pose_from_cells(self, cells: NDArray[np.float64]) -> Pose2D:
+        """The world pose of (u, v, theta)."""
+        scale = self.parameters.resolution
+        u, v, theta = (float(value) for value in cells)
+        return Pose2D((u + self._u0) * scale, (v + self._v0) * scale, theta)
+
+    def cover(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+        """Make the array hold the world rectangle from `low` to `high`, each (x, y), metres.
+
+        Raises:
+            DataError: the map would become absurdly large.
+        """
+        edge = MARGIN + len(self._bump)
+        first = np.floor(low / self.parameters.resolution).astype(np.int64) - edge
+        last = np.floor(high / self.parameters.resolution).astype(np.int64) + edge
+        rows, columns = self.log_odds.shape
+        held_first = np.array([self._u0, self._v0])
+        held_last = held_first + np.array([columns, rows])
+        if rows and (first >= held_first).all() and (last < held_last).all():
+            return
+        if rows:
+            # A quarter more on a side that must grow: as few copies as a doubling array.
+            spare = np.maximum(np.array([columns, rows]) // 4, BLOCK)
+            first = np.where(first < held_first, np.minimum(first, held_first - spare), held_first)
+            last = np.where(last >= held_last, np.maximum(last, held_last + spare), held_last)
+        first = first // BLOCK * BLOCK
+        size = -((first - last) // BLOCK) * BLOCK
+        self._move_to(first, size)
+
+    def _move_to(self, first: NDArray[np.int64], size: NDArray[np.int64]) -> None:
+        columns, rows = (int(n) for n in size)
+        if rows * columns > MAX_CELLS:
+            metres = size * self.parameters.resolution
+            raise DataError(
+                f"the map would be {metres[0]:,.0f} m x {metres[1]:,.0f} m",
+                expected="sane odometry and ranges, or a coarser --resolution",
+            )
+        log_odds = np.zeros((rows, columns), dtype=np.int16)
+        fields = np.zeros((len(LEVEL_WIDTHS), rows, columns), dtype=np.uint8)
+        u, v = self._u0 - int(first[0]), self._v0 - int(first[1])
+        old_rows, old_columns = self.log_odds.shape
+        log_odds[v : v + old_rows, u : u + old_columns] = self.log_odds
+        fields[:, v : v + old_rows, u : u + old_columns] = self.fields
+        self.log_odds, self.fields = log_odds, fields
+        self._u0, self._v0 = int(first[0]), int(first[1])
+
+    def integrate(self, pose: Pose2D, perception: Perception) -> None:
+        """Line 10 of Algorithm 9.2: write what was perceived at a world pose into the map."""
+        ends = pose.apply(np.concatenate([perception.hits, perception.open_ends]))
+        laser = pose.apply(perception.laser[None, :])
+        if not len(ends):
+            return
+        both = np.concatenate([ends, laser])
+        self.cover(both.min(axis=0), both.max(axis=0))
+        self._write(self.to_cells(laser)[0], self.to_cells(ends), len(perception.hits))
+
+    def _write(self, laser: NDArray[np.float64], ends: NDArray[np.float64], hits: int) -> None:
+        p = self.parameters
+        lengths = np.abs(np.floor(ends) - np.floor(laser)).sum(axis=1)
+        needed = int(lengths.sum()) + len(ends)
+        if len(self._changed) < needed:
+            self._changed = np.empty((2 * needed, 2), dtype=np.int32)
+        count = integrate_beams(
+            self.log_odds, laser, ends, hits, (p.hit, p.miss, p.highest, p.lowest), self._changed
+        )
+        changed = self._changed[:count]
+        update_field(self.fields, LEVEL_WIDTHS, self.log_odds, changed, self._bump)
+
+    def to_grid_map(self) -> GridMap:
+        """The obstacle probabilities, cropped to what is known."""
+        p = self.parameters
+        counts = np.arange(p.lowest, p.highest + 1)
+        table = (1 / (1 + np.exp(-counts * LOG_ODDS_UNIT))).astype(np.float32)
+        table[-p.lowest] = np.nan
+        cells = table[self.log_odds - p.lowest]
+        if not cells.size:
+            cells = np.full((1, 1), np.nan, dtype=np.float32)
+        scale = self.parameters.resolution
+        whole = GridMap.from_bottom_up(cells, scale, (self._u0 * scale, self._v0 * scale))
+        return crop_to_known(whole, margin=2)

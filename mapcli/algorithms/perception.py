@@ -1,0 +1,66 @@
+"""Line 4 of Algorithm 9.2, "analyze sensor data": a scan becomes the perception map p.
+
+The perception map holds only what the sensor saw (Sect. 9.7): where beams ended at obstacles and
+what they passed on the way, all in the robot's frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.model.scan import RangeScan
+
+NoReturn = Literal["clear", "ignore"]
+
+FARTHEST = 250.0
+"""Readings beyond this are taken for no return: no laser scanner for robots sees farther."""
+
+
+@dataclass(frozen=True)
+class PerceptionParameters:
+    """What of a scan is believed.
+
+    Attributes:
+        range_min, range_max: metres; None takes the sensor's own limits.
+        no_return: `clear` makes beams without return open space up to `range_max`; `ignore`
+            leaves what they passed as it was, since dark and polished things do not answer.
+    """
+
+    range_min: float | None = None
+    range_max: float | None = None
+    no_return: NoReturn = "ignore"
+
+
+@dataclass(frozen=True, eq=False)
+class Perception:
+    """What one scan tells, in the robot's frame, metres.
+
+    Attributes:
+        hits: shape (n, 2), where beams ended at an obstacle.
+        open_ends: shape (k, 2), up to where beams without return are known to be free.
+        laser: shape (2,), where the beams start.
+    """
+
+    hits: NDArray[np.float64]
+    open_ends: NDArray[np.float64]
+    laser: NDArray[np.float64]
+
+
+def perceive(scan: RangeScan, parameters: PerceptionParameters) -> Perception:
+    """The perception map of a scan."""
+    nearest = scan.range_min if parameters.range_min is None else parameters.range_min
+    farthest = scan.range_max if parameters.range_max is None else parameters.range_max
+    farthest = min(farthest, FARTHEST)
+    ranges = scan.ranges.copy()
+    ranges[ranges < nearest] = -np.inf
+    ranges[ranges > farthest] = np.inf
+    believed = replace(scan, ranges=ranges)
+    open_ends = np.empty((0, 2))
+    if parameters.no_return == "clear":
+        open_ends = believed.free_ends(farthest)
+    mount = scan.mount.pose
+    return Perception(believed.points(), open_ends, np.array([mount.x, mount.y]))

@@ -1,0 +1,59 @@
+"""The pose trace: what a replay found out about every scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from mapcli.model.pose import Pose2D
+
+Status = Literal["first", "matched", "odometry"]
+
+
+@dataclass(frozen=True, slots=True)
+class TracedPose:
+    """Where the robot was at one scan.
+
+    Attributes:
+        stamp_ns: the scan's stamp.
+        pose: `map_from_robot`.
+        odom: `odom_from_robot` at that stamp; None where odometry is silent.
+        score: how well the scan agrees with the map where they overlap, 0 to 1; None when it was
+            not compared.
+        status: `first` starts the map, `matched` was found in it, `odometry` was carried on by
+            odometry alone, because the scan said too little.
+    """
+
+    stamp_ns: int
+    pose: Pose2D
+    odom: Pose2D | None
+    score: float | None
+    status: Status
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A loop closure: the pose at index `to` as seen from the one at index `from_`."""
+
+    from_: int
+    to: int
+    pose: Pose2D
+    score: float
+
+
+@dataclass(frozen=True)
+class PoseTrace:
+    """The poses of a replay in time order, and the loops that were closed."""
+
+    poses: tuple[TracedPose, ...]
+    loops: tuple[Loop, ...] = ()
+
+    def distance(self) -> float:
+        """Metres driven."""
+        pairs = zip(self.poses, self.poses[1:], strict=False)
+        return sum(a.pose.distance(b.pose) for a, b in pairs)
+
+    def mean_score(self) -> float | None:
+        """Mean score of the poses that have one."""
+        scores = [pose.score for pose in self.poses if pose.score is not None]
+        return sum(scores) / len(scores) if scores else None
