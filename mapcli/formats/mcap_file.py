@@ -63,7 +63,7 @@ class McapFile:
             self._segments = layout.segments
             self.schemas |= layout.schemas
             self.channels |= layout.channels
-            if statistics is not None and self.channels:
+            if statistics is not None and self._all_described():
                 self._trust(statistics, layout)
             else:
                 self._survey(file)
@@ -110,6 +110,11 @@ class McapFile:
             self._complain(BAD_SUMMARY, "at the end")
             return None
         return statistics
+
+    def _all_described(self) -> bool:
+        """Whether all channels are known, with their schemas."""
+        needed = {channel.schema_id for channel in self.channels.values()} - {0}
+        return bool(self.channels) and needed <= self.schemas.keys()
 
     def _trust(self, statistics: Statistics, layout: Layout) -> None:
         """Take the counts from the statistics, and the chunks' own counts if they agree."""

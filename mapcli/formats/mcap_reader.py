@@ -127,7 +127,7 @@ class McapLog(Log):
                 yield log_time, topic, decoder(data)
             except ValueError:
                 where = f"at {log_time / NANOSECONDS:.3f} s"
-                what = f"messages on {topic.name} that do not decode"
+                what = f"messages on {topic.name} without readable content"
                 damage.add(what, file=file.source.name, where=where)
 
     def _records(self) -> Iterator[Record]:

@@ -54,7 +54,7 @@ class Segment:
         start_ns, end_ns: log times, as far as told.
         chunk: whether it is one; otherwise message records stand there as they are.
         complete: False for the chunk at which a truncated file ends.
-        counts: messages by channel as indexed behind a chunk; empty when not told.
+        counts: messages by channel, as indexed behind a chunk; empty when not told.
     """
 
     offset: int

@@ -46,7 +46,7 @@ class Layout:
     Attributes:
         segments: in file order.
         schemas, channels: by id, those outside chunks.
-        spans: channel -> first and last log time, as indexed.
+        spans: channel -> first and last log time, as far as told without unpacking.
     """
 
     def __init__(self) -> None:
@@ -54,6 +54,13 @@ class Layout:
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
         self.spans: dict[int, tuple[int, int]] = {}
+
+    def count(self, channel: int, messages: int, first: int, last: int) -> None:
+        """Messages of a channel in the last segment, and their first and last log time."""
+        counts = self.segments[-1].counts
+        counts[channel] = counts.get(channel, 0) + messages
+        known_first, known_last = self.spans.get(channel, (first, last))
+        self.spans[channel] = min(first, known_first), max(last, known_last)
 
 
 def walk(file: BinaryIO, end: int, finished: bool, name: str, damage: Damage) -> Layout:
@@ -193,17 +200,13 @@ def _add_index(layout: Layout, file: BinaryIO, place: Place) -> bool:
         return False
     times = np.frombuffer(content, dtype="<u8", offset=INDEX.size)[::2]
     if layout.segments and layout.segments[-1].chunk and len(times):
-        first, last = int(times.min()), int(times.max())
-        segment = layout.segments[-1]
-        segment.counts[channel] = segment.counts.get(channel, 0) + len(times)
-        known_first, known_last = layout.spans.get(channel, (first, last))
-        layout.spans[channel] = min(first, known_first), max(last, known_last)
+        layout.count(channel, len(times), int(times.min()), int(times.max()))
     return True
 
 
 def _add_message(layout: Layout, file: BinaryIO, place: Place) -> None:
     file.seek(place.offset + RECORD.size)
-    log_time = MESSAGE.unpack(file.read(MESSAGE.size))[2]
+    channel, _, log_time, _ = MESSAGE.unpack(file.read(MESSAGE.size))
     last = layout.segments[-1] if layout.segments else None
     if (
         last is not None
@@ -215,3 +218,4 @@ def _add_message(layout: Layout, file: BinaryIO, place: Place) -> None:
         last.start_ns, last.end_ns = min(last.start_ns, log_time), max(last.end_ns, log_time)
     else:
         layout.segments.append(Segment(place.offset, place.end, log_time, log_time, False))
+    layout.count(channel, 1, log_time, log_time)

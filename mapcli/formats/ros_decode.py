@@ -87,6 +87,7 @@ _BAD_BYTES = (
     OverflowError,
     RecursionError,
     MemoryError,
+    StopIteration,
 )
 
 
