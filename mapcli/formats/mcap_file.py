@@ -61,8 +61,9 @@ class McapFile:
             end, finished, statistics = self._read_summary(file)
             layout = walk(file, end, finished, source.name, damage)
             self._segments = layout.segments
-            self.schemas |= layout.schemas
-            self.channels |= layout.channels
+            # Where both tell a channel, the summary does so under a checksum.
+            self.schemas = layout.schemas | self.schemas
+            self.channels = layout.channels | self.channels
             if statistics is not None and self._all_described():
                 self._trust(statistics, layout)
             else:
@@ -164,7 +165,7 @@ class McapFile:
                 yield message
         if missing > 0:
             what = "messages lost that the file should hold"
-            damage.add(what, missing, file=self.source.name, where="by the end")
+            damage.add(what, missing, file=self.source.name)
 
     def _merged(
         self, file: BinaryIO, waiting: list[Segment], wanted: set[int], damage: Damage
