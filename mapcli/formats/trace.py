@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.errors import FormatError
-from mapcli.formats.document import read_document
+from mapcli.formats.document import document, read_document
 from mapcli.formats.maps import read_file
+from mapcli.model.pose import Pose2D
+from mapcli.model.trace import PoseTrace, TracedPose
 
 POSE_TRACE = "mapcli.pose-trace"
 
@@ -60,3 +64,43 @@ def _bad_pose(file: str, index: int, error: Exception | None) -> FormatError:
     return FormatError(
         f"has {missing}", file=file, where=f"pose {index}", expected="stamp_ns, x, y and theta"
     )
+
+
+def trace_document(
+    trace: PoseTrace,
+    inputs: Mapping[str, str],
+    parameters: Mapping[str, Any],
+    summary: Mapping[str, Any],
+) -> dict[str, Any]:
+    """A pose trace as a document of format `mapcli.pose-trace` (see `document.py`).
+
+    Lengths and angles have six decimals, scores four: micrometres are finer than any laser, and
+    such numbers are the same on every machine.
+    """
+    loops = [
+        {
+            "from": loop.from_,
+            "to": loop.to,
+            "dx": round(loop.pose.x, 6),
+            "dy": round(loop.pose.y, 6),
+            "dtheta": round(loop.pose.theta, 6),
+            "score": round(loop.score, 4),
+        }
+        for loop in trace.loops
+    ]
+    content = {"summary": summary, "loops": loops, "poses": [_row(p) for p in trace.poses]}
+    return document(POSE_TRACE, inputs, parameters, content)
+
+
+def _row(traced: TracedPose) -> dict[str, Any]:
+    return {
+        "stamp_ns": traced.stamp_ns,
+        **_pose(traced.pose),
+        "odom": None if traced.odom is None else _pose(traced.odom),
+        "score": None if traced.score is None else round(traced.score, 4),
+        "status": traced.status,
+    }
+
+
+def _pose(pose: Pose2D) -> dict[str, float]:
+    return {"x": round(pose.x, 6), "y": round(pose.y, 6), "theta": round(pose.theta, 6)}

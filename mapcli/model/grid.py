@@ -74,6 +74,10 @@ class GridMap:
         """
         return cls(cells[::-1], resolution, Pose2D(*corner))
 
+    def bottom_up(self) -> NDArray[np.float32]:
+        """The cells with the lowest y in row 0, as ROS's OccupancyGrid has them."""
+        return self.cells[::-1]
+
     @property
     def rows(self) -> int:
         return int(self.cells.shape[0])

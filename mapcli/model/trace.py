@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 from mapcli.model.pose import Pose2D
@@ -50,8 +51,7 @@ class PoseTrace:
 
     def distance(self) -> float:
         """Metres driven."""
-        pairs = zip(self.poses, self.poses[1:], strict=False)
-        return sum(a.pose.distance(b.pose) for a, b in pairs)
+        return sum(a.pose.distance(b.pose) for a, b in pairwise(self.poses))
 
     def mean_score(self) -> float | None:
         """Mean score of the poses that have one."""

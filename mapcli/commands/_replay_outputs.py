@@ -1,0 +1,164 @@
+"""What `mapcli slam-replay` writes: the files asked for, and the end report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import Any
+
+import click
+
+from mapcli.commands._output import output_file, write_bytes, write_files
+from mapcli.errors import OutputError
+from mapcli.model.grid import GridMap
+from mapcli.model.summary import ReplaySummary
+from mapcli.model.trace import PoseTrace
+
+LOG_SUFFIXES = (".gz", ".mcap", ".log", ".clf", ".bag")
+
+
+@dataclass(frozen=True)
+class ReplayOutputs:
+    """The files to write; None is not asked for.
+
+    Attributes:
+        png: the picture; map: the map, in the format of its suffix; json: the trace as JSON;
+        trace: the trace in the format of its suffix; mcap: map and poses as ROS 2 messages.
+    """
+
+    png: str | None
+    map: str | None
+    json: str | None
+    trace: str | None
+    mcap: str | None
+
+    @classmethod
+    def in_folder(cls, folder: str | Path) -> ReplayOutputs:
+        """The usual ones: picture, map and trace."""
+        png, map_, json = (
+            str(Path(folder) / name) for name in ("map.png", "map.yaml", "trace.json")
+        )
+        return cls(png, map_, json, None, None)
+
+    def names(self) -> list[str]:
+        """All files, the companions of a YAML map included."""
+        named = [name for name in (self.png, self.map, self.json, self.trace, self.mcap) if name]
+        if self.map and PurePath(self.map).suffix in (".yaml", ".yml"):
+            named.append(str(PurePath(self.map).with_suffix(".pgm")))
+        return named
+
+
+def default_folder(log: str) -> str:
+    """`robot.log.gz` -> `robot-slam`."""
+    name = "stdin" if log == "-" else Path(log).name or Path(log).resolve().name
+    while PurePath(name).suffix.lower() in LOG_SUFFIXES:
+        name = PurePath(name).stem
+    return f"{name}-slam"
+
+
+def refuse_existing(names: list[str]) -> None:
+    """Say early, before minutes of work, that `--no-clobber` forbids a file.
+
+    Raises:
+        OutputError: one of the files exists.
+    """
+    for name in names:
+        if name != "-" and Path(name).exists():
+            raise OutputError("exists already, and --no-clobber is set", file=name)
+
+
+def write_outputs(
+    outputs: ReplayOutputs,
+    grid: GridMap,
+    trace: PoseTrace,
+    head: Mapping[str, Any],
+    summary: ReplaySummary,
+    *,
+    no_clobber: bool,
+) -> None:
+    """Write every file that was asked for.
+
+    Args:
+        head: `inputs` and `parameters`, for the head of the JSON document.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    writers: tuple[tuple[str | None, Callable[[str], None]], ...] = (
+        (outputs.map, lambda f: _write_map(f, grid, no_clobber)),
+        (outputs.json, lambda f: _write_json(f, trace, head, summary, no_clobber)),
+        (outputs.trace, lambda f: _write_trace(f, trace, no_clobber)),
+        (outputs.mcap, lambda f: _write_mcap(f, grid, trace, no_clobber)),
+        (outputs.png, lambda f: _write_png(f, grid, trace, no_clobber)),
+    )
+    for name, write in writers:
+        if name:
+            if name != "-":
+                Path(name).parent.mkdir(parents=True, exist_ok=True)
+            write(name)
+
+
+def _write_map(name: str, grid: GridMap, no_clobber: bool) -> None:
+    from mapcli.formats.maps import dump_map
+
+    files = dump_map(grid, name)
+    if name == "-":
+        write_bytes("-", b"".join(files.values()))
+    else:
+        write_files(Path(name).parent, files, no_clobber=no_clobber)
+
+
+def _write_json(
+    name: str, trace: PoseTrace, head: Mapping[str, Any], summary: ReplaySummary, no_clobber: bool
+) -> None:
+    from mapcli.formats.document import json_bytes
+    from mapcli.formats.trace import trace_document
+
+    content = trace_document(trace, head["inputs"], head["parameters"], summary.document())
+    write_bytes(name, json_bytes(content), no_clobber=no_clobber)
+
+
+def _write_trace(name: str, trace: PoseTrace, no_clobber: bool) -> None:
+    from mapcli.formats.trajectory import dump_trajectory
+
+    write_bytes(name, dump_trajectory(trace, name), no_clobber=no_clobber)
+
+
+def _write_mcap(name: str, grid: GridMap, trace: PoseTrace, no_clobber: bool) -> None:
+    from mapcli.formats.result_mcap import write_result
+
+    with output_file(name, no_clobber=no_clobber) as file:
+        write_result(file, grid, trace)
+
+
+def _write_png(name: str, grid: GridMap, trace: PoseTrace, no_clobber: bool) -> None:
+    import numpy as np
+
+    from mapcli.formats.picture import floor_plan
+
+    poses = np.array([(p.pose.x, p.pose.y, p.pose.theta) for p in trace.poses])
+    stamps = np.array([p.stamp_ns - trace.poses[0].stamp_ns for p in trace.poses]) * 1e-9
+    picture = floor_plan(grid, path=poses[:, :2], stamps=stamps, headings=poses[:, 2])
+    write_bytes(name, picture, no_clobber=no_clobber)
+
+
+def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> None:
+    """The end report, on stderr."""
+    skipped = ", ".join(f"{count:,} {reason}" for reason, count in summary.skipped.items())
+    score = "none" if summary.mean_score is None else f"{summary.mean_score:.2f}"
+    width, height = grid.columns * grid.resolution, grid.rows * grid.resolution
+    rows = (
+        ("scans", f"{summary.used:,} of {summary.scans:,} used ({100 * summary.used_share:.1f} %)"),
+        ("skipped", skipped or "none"),
+        ("matched", f"{summary.matched:,}; by odometry alone {summary.odometry:,}"),
+        ("mean score", f"{score} (1 is perfect agreement with the map)"),
+        ("odometry", f"{summary.odometry_jumps:,} jumps not believed"),
+        ("driven", f"{summary.distance_m:,.1f} m in {summary.duration_s:,.1f} s"),
+        ("loops closed", f"{summary.loops:,}"),
+        ("map", f"{width:.1f} m x {height:.1f} m at {grid.resolution:g} m a cell"),
+        ("took", f"{summary.seconds:.2f} s, {summary.times_real_time:,.0f} times real time"),
+        ("written", ", ".join(outputs.names())),
+    )
+    for label, text in rows:
+        click.echo(f"{label:>13}  {text}", err=True)
