@@ -57,7 +57,10 @@ class Log(ABC):
         beams: what became of the beams of the scans yielded so far.
         disordered: scans and odometry records that came after one of a later stamp.
         delays: topic -> how much later than stamped its messages were recorded.
+        scans_are: what scans look like in this format, for messages.
     """
+
+    scans_are = "range scans"
 
     def __init__(self, sources: Sequence[Source], options: LogOptions) -> None:
         self.sources = tuple(sources)
@@ -109,7 +112,8 @@ class Log(ABC):
         Raises:
             DataError: none, or several and no --scan-topic.
         """
-        return choose_scan_topic(self.topics(), self.options.scan_topic, self.sources[0].name)
+        wanted, name = self.options.scan_topic, self.sources[0].name
+        return choose_scan_topic(self.topics(), wanted, name, self.scans_are)
 
     def find_odom_topic(self) -> Topic | None:
         """The topic of the odometry, or None.

@@ -8,8 +8,13 @@ from mapcli.errors import DataError
 from mapcli.model.log import Role, Topic, counted
 
 
-def choose_scan_topic(topics: Sequence[Topic], wanted: str | None, name: str) -> Topic:
+def choose_scan_topic(
+    topics: Sequence[Topic], wanted: str | None, name: str, expected: str
+) -> Topic:
     """The topic to read scans from: the one named, or the only candidate.
+
+    Args:
+        expected: what would have been scans in this format.
 
     Raises:
         DataError: see `Log.require_scan_topic`.
@@ -30,7 +35,7 @@ def choose_scan_topic(topics: Sequence[Topic], wanted: str | None, name: str) ->
     raise DataError(
         f"no range scans{_listed(topics, ' among ')}",
         file=name,
-        expected="a topic of sensor_msgs/msg/LaserScan, or FLASER or ROBOTLASER1 lines",
+        expected=expected,
     )
 
 

@@ -91,6 +91,8 @@ class CarmenLog(Log):
         FormatError: not one valid message.
     """
 
+    scans_are = "FLASER or ROBOTLASER1 lines"
+
     def __init__(self, sources: Sequence[Source], options: LogOptions) -> None:
         super().__init__(sources, options)
         self._survey = _Survey()

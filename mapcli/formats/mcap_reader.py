@@ -57,6 +57,8 @@ class McapLog(Log):
         FormatError: damaged, and `strict` is set.
     """
 
+    scans_are = "a topic of sensor_msgs/msg/LaserScan"
+
     def __init__(self, sources: Sequence[Source], options: LogOptions) -> None:
         super().__init__(sources, options)
         self._structure: Damage = type(self.damage)()
@@ -73,7 +75,7 @@ class McapLog(Log):
             raise DataError(
                 f"{foreign[0].name} holds {foreign[0].type} in {foreign[0].encoding}",
                 file=self.sources[0].name,
-                expected="sensor_msgs/msg/LaserScan in cdr or json",
+                expected=f"{self.scans_are} in cdr or json",
             )
         try:
             return super().require_scan_topic()
