@@ -62,7 +62,7 @@ def describe(log: Log) -> dict[str, Any]:
         "lasers": [{**asdict(mount.pose), "flipped": mount.flipped} for mount in mounts if used],
         "odometry": _odometry(check) if check.odometry.count else None,
         "delays_s": {
-            name: _seconds(delay.total_ns / delay.count) for name, delay in log.delays.items()
+            name: round(delay.mean_s, 6) for name, delay in log.delays.items() if delay.count
         },
         "damage": dict(log.damage.counts),
         "notes": list(log.notes),
@@ -155,7 +155,7 @@ def _clock_warnings(log: Log, check: CheckUp) -> Iterator[str]:
             check.scans_outside_odometry, "scans before the first or after the last odometry"
         )
     scan, odom = log.delays.get(log.scan_topic or ""), log.delays.get(log.odom_topic or "")
-    if scan and odom and abs(scan.mean_s - odom.mean_s) > DELAY_S:
+    if scan and odom and scan.count and odom.count and abs(scan.mean_s - odom.mean_s) > DELAY_S:
         yield (
             f"scans were recorded {scan.mean_s:.1f} s after their stamps, odometry "
             f"{odom.mean_s:.1f} s: their clocks differ; try --time-source log"

@@ -136,6 +136,7 @@ class McapLog(Log):
         for what, times in self._structure.counts.items():
             self.damage.add(what, times, where=self._structure.first.get(what))
         scan, odom = self.require_scan_topic(), self.find_odom_topic()
+        self.delays = {topic.name: Delay() for topic in (scan, odom) if topic is not None}
         robot = self._known_robot(odom)
         transforms = TfOdometry(robot) if odom and odom.role == "tf" else None
         mounts: dict[str, Mount] = {}
@@ -164,7 +165,7 @@ class McapLog(Log):
             if log_time_ns:
                 self.note(f"{topic.name}: stamps of 0, the time of recording is used")
         if 0 <= stamp_ns < LATEST_STAMP_NS:
-            self.delays.setdefault(topic.name, Delay()).add(log_time_ns - stamp_ns)
+            self.delays[topic.name].add(log_time_ns - stamp_ns)
             return stamp_ns
         what = f"messages on {topic.name} with an impossible stamp, dropped"
         self.damage.add(what, file=self.sources[0].name, where=f"at {stamp_ns / NANOSECONDS:g} s")

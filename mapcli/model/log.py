@@ -121,8 +121,10 @@ class Delay:
     most_ns: int = 0
 
     def add(self, delay_ns: int) -> None:
-        self.least_ns = min(self.least_ns, delay_ns) if self.count else delay_ns
-        self.most_ns = max(self.most_ns, delay_ns) if self.count else delay_ns
+        if delay_ns < self.least_ns or not self.count:
+            self.least_ns = delay_ns
+        if delay_ns > self.most_ns or not self.count:
+            self.most_ns = delay_ns
         self.count += 1
         self.total_ns += delay_ns
 
