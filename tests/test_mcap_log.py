@@ -18,11 +18,13 @@ from mcap.writer import CompressionType
 from mcap_making import S, Sent, mcap_bytes, mcap_file, odom, scan, tf_static, transform
 
 from mapcli.errors import DataError, FormatError
+from mapcli.formats import mcap_file as mcap_file_module
 from mapcli.formats import ros_messages as ros
+from mapcli.formats._log import Source
 from mapcli.formats.logs import Log, open_log
 from mapcli.formats.mcap_log import McapLogWriter
 from mapcli.formats.ros_messages import settled_angle
-from mapcli.model.log import LogOptions
+from mapcli.model.log import Damage, LogOptions
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record, TruePose
 
@@ -222,6 +224,31 @@ def test_topics_written_one_after_another_are_merged(tmp_path: Path) -> None:
     assert [r.stamp_ns for r in records] == sorted(r.stamp_ns for r in records)
     assert len(records) == 78
     assert log.disordered == 0
+
+
+def test_chunks_are_unpacked_when_their_time_comes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Memory holds the chunks of one time, also where each topic has the file to itself."""
+    loads: list[int] = []
+    unpacked = mcap_file_module.unpacked
+
+    def counting(file: Any, segment: Any) -> bytes:
+        loads.append(segment.offset)
+        return unpacked(file, segment)
+
+    monkeypatch.setattr(mcap_file_module, "unpacked", counting)
+    for messages in (BODY, sorted(BODY, key=lambda sent: sent.topic)):
+        path = Path(mcap_file(tmp_path, *messages))
+        file = mcap_file_module.McapFile(Source("a", path), Damage())
+        loads.clear()
+        stream = file.messages({1, 2, 3}, Damage())
+        before = [(next(stream), len(loads))[1] for _ in range(79)]
+        chunks = before[-1]
+        assert chunks > 12
+        assert before[0] <= 4
+        assert before[40] < 0.75 * chunks
+        assert len(set(loads)) == len(loads)
 
 
 def test_parts_share_their_static_transforms(tmp_path: Path) -> None:

@@ -17,8 +17,8 @@ from mapcli.model.scan import Mount, RangeScan, Record
 DELAY_S = 1.0
 """Scans and odometry recorded with delays that differ by more than this have other clocks."""
 
-STILL_M, STILL_DEG = 0.01, 1.0
-"""A robot that moves and turns less stands."""
+STILL_M, STILL_DEG, STILL_RECORDS = 0.01, 1.0, 10
+"""A robot that moves and turns less over so many records of odometry stands."""
 
 
 def log_report(file: str, *, verbose: bool = False) -> tuple[str, dict[str, Any]]:
@@ -167,7 +167,7 @@ def _odometry_warnings(check: CheckUp) -> Iterator[str]:
         jumps = counted(check.jumps, "jumps of the odometry")
         yield f"{jumps}, the first at {check.first_jump_at_s:.1f} s"
     if (
-        check.odometry.count
+        check.odometry.count >= STILL_RECORDS
         and check.distance_m < STILL_M
         and math.degrees(check.turned_rad) < STILL_DEG
     ):
@@ -198,9 +198,10 @@ def _lines(content: dict[str, Any], verbose: bool) -> Iterator[str]:
             f"yaw {math.degrees(laser['theta']):g} deg on the robot{flipped}"
         )
     if odometry:
+        period = f", every {odometry['period_s']:g} s" if odometry["count"] > 1 else ""
         yield (
             f"  odometry    {odometry['distance_m']:,.1f} m and "
-            f"{odometry['turned_deg']:,.0f} deg of turns, every {odometry['period_s']:g} s"
+            f"{odometry['turned_deg']:,.0f} deg of turns{period}"
         )
     yield from (f"  note        {note}" for note in content["notes"])
     yield from (f"  warning     {warning}" for warning in content["warnings"])
@@ -213,10 +214,9 @@ def _scan_lines(scans: dict[str, Any]) -> Iterator[str]:
     low, high = scans["bearings_deg"]
     beams = f"{most}" if fewest == most else f"{fewest} to {most}"
     limit = "" if scans["range_max"] is None else f", up to {scans['range_max']:g} m"
-    yield (
-        f"  scans       {scans['count']:,}, every {scans['period_s']:g} s; {beams} beams from "
-        f"{low:g} to {high:g} deg{limit}"
-    )
+    period = f", every {scans['period_s']:g} s" if scans["count"] > 1 else ""
+    field = f"from {low:g} to {high:g} deg{limit}"
+    yield f"  scans       {scans['count']:,}{period}; {beams} beams {field}"
     yield (
         f"  beams       {scans['no_return_share']:.1%} without return, "
         f"{scans['too_close_share']:.1%} too close, {scans['invalid_share']:.1%} invalid"

@@ -150,9 +150,20 @@ def select(
         The scans of that window, all odometry in it, and the last odometry before and the first
         one after it, between which the poses at the first and the last scan are interpolated.
     """
+    scans = 0
+    for record in _window(records, start_s, end_s):
+        if isinstance(record, RangeScan):
+            scans += 1
+            if (scans - 1) % every:
+                continue
+        yield record
+
+
+def _window(
+    records: Iterable[Record], start_s: float | None, end_s: float | None
+) -> Iterator[Record]:
     origin: int | None = None
     before: Record | None = None
-    scans = 0
     for record in records:
         origin = record.stamp_ns if origin is None else origin
         elapsed = (record.stamp_ns - origin) * 1e-9
@@ -162,18 +173,13 @@ def select(
         if before is not None:
             yield before
             before = None
-        if end_s is not None and elapsed > end_s:
-            if isinstance(record, Odometry):
-                yield record
-                return
-            if elapsed > end_s + LAST_ODOMETRY_S:
-                return
-            continue
-        if isinstance(record, RangeScan):
-            scans += 1
-            if (scans - 1) % every:
-                continue
-        yield record
+        if end_s is None or elapsed <= end_s:
+            yield record
+        elif isinstance(record, Odometry):
+            yield record
+            return
+        elif elapsed > end_s + LAST_ODOMETRY_S:
+            return
 
 
 LAST_ODOMETRY_S = 10.0
