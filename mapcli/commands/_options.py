@@ -13,6 +13,22 @@ from mapcli.model.pose import Pose2D
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
+class Number(click.FloatRange):
+    """A finite number in a range: "nan" is of no range, though every comparison lets it pass."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number.", param, ctx)
+        return number
+
+
+POSITIVE = Number(0, min_open=True)
+NOT_NEGATIVE = Number(0)
+
+
 class NumberList(click.ParamType[Any]):
     """`X,Y,YAW_DEG` and the like: a fixed count of numbers separated by commas."""
 

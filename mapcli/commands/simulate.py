@@ -12,12 +12,18 @@ import click
 from mapcli.algorithms.drive import MotionLimits, plan_drive
 from mapcli.algorithms.sensors import FAULT_KINDS, Fault, LaserModel, OdometryModel
 from mapcli.algorithms.simulate import ROBOT_RADIUS, Simulation, check_clearance
-from mapcli.commands._options import POSE, Command, NumberList, common_options, no_clobber_option
+from mapcli.commands._options import (
+    POSE,
+    POSITIVE,
+    Command,
+    NumberList,
+    common_options,
+    no_clobber_option,
+)
 from mapcli.commands._output import output_file, progress
 from mapcli.errors import DataError
 from mapcli.model.scan import Mount
 
-POSITIVE = click.FloatRange(0, min_open=True)
 LIMITS, WHEELS, LASER = MotionLimits(), OdometryModel(), LaserModel()
 
 
