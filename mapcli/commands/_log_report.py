@@ -33,7 +33,7 @@ def log_report(file: str, *, verbose: bool = False) -> tuple[str, dict[str, Any]
     log = open_log([file], LogOptions())
     content = describe(log)
     text = "\n".join([f"{file}: log", *_lines(content, verbose)])
-    return text, document("mapcli.log-info", {log.name: log.sha256()}, {}, content)
+    return text, document("mapcli.log-info", log.digests(), {}, content)
 
 
 def describe(log: Log) -> dict[str, Any]:

@@ -127,14 +127,15 @@ class Log(ABC):
         if text not in self.notes:
             self.notes.append(text)
 
-    def sha256(self) -> str:
-        """SHA-256 of the input's bytes (of all parts in the order given), hexadecimal."""
-        digest = hashlib.sha256()
-        for source in self.sources:
+    def digests(self) -> dict[str, str]:
+        """File name -> SHA-256 of its bytes, hexadecimal, for every part in the order given."""
+        digests: dict[str, str] = {}
+        for number, source in enumerate(self.sources, start=1):
+            name = Path(source.name).name or source.name
             with source.path.open("rb") as file:
-                while block := file.read(1 << 20):
-                    digest.update(block)
-        return digest.hexdigest()
+                digest = hashlib.file_digest(file, "sha256").hexdigest()
+            digests[f"{name} (part {number})" if name in digests else name] = digest
+        return digests
 
     def records(self) -> Iterator[Record]:
         """Odometry and scans in the order of their stamps.
