@@ -9,14 +9,18 @@ from typing import Any, TypeVar
 
 import click
 
-from mapcli.commands._options import POSE
+from mapcli.commands._options import NOT_NEGATIVE, POSE
 from mapcli.formats.logs import Log, open_log
 from mapcli.model.log import LogOptions, select
+from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Mount, Record
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 DEFAULTS = LogOptions()
+
+FARTHEST_LASER = 100.0
+"""Metres; a laser farther from its robot is a slip of the pen, such as millimetres."""
 
 
 class LaserPoseType(click.ParamType[Any]):
@@ -33,9 +37,12 @@ class LaserPoseType(click.ParamType[Any]):
         numbers, comma, last = str(value).rpartition(",")
         flipped = comma and last.strip() == "flip"
         try:
-            return Mount(POSE.convert(numbers if flipped else value, param, ctx), bool(flipped))
+            mount = Mount(POSE.convert(numbers if flipped else value, param, ctx), bool(flipped))
         except click.BadParameter:
             self.fail(f"{value!r} is not of the form {self.name}.", param, ctx)
+        if mount.pose.distance(Pose2D()) > FARTHEST_LASER:
+            self.fail(f"{value!r} is more than {FARTHEST_LASER:g} m off the robot.", param, ctx)
+        return mount
 
 
 @dataclass(frozen=True)
@@ -67,7 +74,6 @@ class LogInput:
         return {**options, "start_s": self.start_s, "end_s": self.end_s, "every": self.every}
 
 
-SECONDS = click.FloatRange(0)
 OPTIONS = (
     click.option(
         "--scan-topic", metavar="TOPIC", help="Where the scans are, if there are several."
@@ -86,8 +92,10 @@ OPTIONS = (
         show_default=True,
         help="Use the stamps in the messages, or the times they were recorded at.",
     ),
-    click.option("--start", type=SECONDS, metavar="S", help="Leave out the first S seconds."),
-    click.option("--end", type=SECONDS, metavar="S", help="Stop S seconds after the log's start."),
+    click.option("--start", type=NOT_NEGATIVE, metavar="S", help="Leave out the first S seconds."),
+    click.option(
+        "--end", type=NOT_NEGATIVE, metavar="S", help="Stop S seconds after the log's start."
+    ),
     click.option(
         "--every",
         type=click.IntRange(1),
@@ -128,8 +136,10 @@ def log_input_options(command: Command) -> Command:
     return with_input  # type: ignore[return-value]
 
 
-def say_notes(log: Log) -> None:
+def say_notes(log: Log, *, verbose: bool = False) -> None:
     """Tell on stderr how a log was understood and what was wrong with it."""
+    if verbose:
+        click.echo(f"Scans from {log.scan_topic}, odometry from {log.odom_topic}.", err=True)
     for text in log.notes:
         click.echo(f"Note: {text}", err=True)
     for text in log.damage.lines():

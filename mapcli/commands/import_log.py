@@ -77,8 +77,6 @@ def command(
             writer.write(record)
         if not tally.counts[RangeScan]:
             raise DataError("no scan in the part asked for", file=log.name)
-    if verbose:
-        click.echo(f"Scans from {log.scan_topic}, odometry from {log.odom_topic}.", err=True)
     if not quiet:
-        say_notes(log)
+        say_notes(log, verbose=verbose)
         click.echo(f"{out}: {tally.text()}", err=True)
