@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -31,10 +32,7 @@ def output_file(path: str | Path, *, no_clobber: bool = False) -> Iterator[Binar
         sys.stdout.buffer.flush()
         return
     path = Path(path)
-    if no_clobber and path.exists():
-        raise OutputError("exists already, and --no-clobber is set", file=path)
-    if path.is_dir():
-        raise OutputError("is a directory", file=path, expected="a file name")
+    _refuse(path, no_clobber)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with partial.open("wb") as file:
@@ -44,6 +42,33 @@ def output_file(path: str | Path, *, no_clobber: bool = False) -> Iterator[Binar
         raise OutputError(f"cannot be written: {error.strerror}", file=path) from error
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _refuse(path: Path, no_clobber: bool) -> None:
+    if no_clobber and path.exists():
+        raise OutputError("exists already, and --no-clobber is set", file=path)
+    if path.is_dir():
+        raise OutputError("is a directory", file=path, expected="a file name")
+
+
+def check_output(path: str | Path, *, no_clobber: bool = False) -> None:
+    """Say early, before minutes of work, why a file could not be written. Leaves no trace.
+
+    Folders that do not exist yet are taken to be made when the file is written.
+
+    Raises:
+        OutputError: as of `output_file`.
+    """
+    if str(path) == "-":
+        return
+    path = Path(path)
+    _refuse(path, no_clobber)
+    folder = next(parent for parent in path.absolute().parents if parent.exists())
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise OutputError(f"cannot be written: {error.strerror}", file=path) from error
 
 
 def write_bytes(path: str | Path, data: bytes, *, no_clobber: bool = False) -> None:

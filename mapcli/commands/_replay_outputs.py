@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
 
 import click
 
-from mapcli.commands._output import output_file, write_bytes, write_files
+from mapcli.commands._output import check_output, output_file, write_bytes, write_files
 from mapcli.errors import OutputError
+from mapcli.formats.map_output import SUFFIXES, SaveOptions, dump_map
+from mapcli.formats.trajectory import WRITERS, dump_trajectory
 from mapcli.model.grid import GridMap
 from mapcli.model.summary import ReplaySummary
 from mapcli.model.trace import PoseTrace
@@ -44,8 +46,8 @@ class ReplayOutputs:
     def names(self) -> list[str]:
         """All files, the companions of a YAML map included."""
         named = [name for name in (self.png, self.map, self.json, self.trace, self.mcap) if name]
-        if self.map and PurePath(self.map).suffix in (".yaml", ".yml"):
-            named.append(str(PurePath(self.map).with_suffix(".pgm")))
+        if _suffix(self.map) in (".yaml", ".yml"):
+            named.append(str(PurePath(str(self.map)).with_suffix(".pgm")))
         return named
 
 
@@ -57,15 +59,32 @@ def default_folder(log: str) -> str:
     return f"{name}-slam"
 
 
-def refuse_existing(names: list[str]) -> None:
-    """Say early, before minutes of work, that `--no-clobber` forbids a file.
+def check_outputs(outputs: ReplayOutputs, logs: Sequence[str], *, no_clobber: bool) -> None:
+    """Say early, before minutes of work, what is wrong with the files asked for.
 
     Raises:
-        OutputError: one of the files exists.
+        click.UsageError: a suffix of no known format, or two results in one file.
+        OutputError: a file that cannot or must not be written, or is one of the logs.
     """
-    for name in names:
-        if name != "-" and Path(name).exists():
-            raise OutputError("exists already, and --no-clobber is set", file=name)
+    if outputs.map not in (None, "-") and _suffix(outputs.map) not in SUFFIXES:
+        raise click.UsageError(f"--map {outputs.map}: does not end in {', '.join(SUFFIXES)}.")
+    if outputs.trace not in (None, "-") and _suffix(outputs.trace) not in WRITERS:
+        raise click.UsageError(f"--trace {outputs.trace}: does not end in {', '.join(WRITERS)}.")
+    inputs = {Path(log).resolve() for log in logs if log != "-"}
+    taken = set()
+    for name in outputs.names():
+        place = "-" if name == "-" else Path(name).resolve()
+        if place in taken:
+            where = "standard output" if name == "-" else name
+            raise click.UsageError(f"Two results cannot both be written to {where}.")
+        if place in inputs:
+            raise OutputError("is one of the logs to be read", file=name)
+        taken.add(place)
+        check_output(name, no_clobber=no_clobber)
+
+
+def _suffix(name: str | None) -> str:
+    return PurePath(name or "").suffix.lower()
 
 
 def write_outputs(
@@ -100,11 +119,9 @@ def write_outputs(
 
 
 def _write_map(name: str, grid: GridMap, no_clobber: bool) -> None:
-    from mapcli.formats.maps import dump_map
-
-    files = dump_map(grid, name)
+    files = dump_map(grid, name, SaveOptions(format="txt" if name == "-" else None))
     if name == "-":
-        write_bytes("-", b"".join(files.values()))
+        write_bytes("-", files["-"])
     else:
         write_files(Path(name).parent, files, no_clobber=no_clobber)
 
@@ -120,8 +137,6 @@ def _write_json(
 
 
 def _write_trace(name: str, trace: PoseTrace, no_clobber: bool) -> None:
-    from mapcli.formats.trajectory import dump_trajectory
-
     write_bytes(name, dump_trajectory(trace, name), no_clobber=no_clobber)
 
 
@@ -157,8 +172,20 @@ def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> Non
         ("driven", f"{summary.distance_m:,.1f} m in {summary.duration_s:,.1f} s"),
         ("loops closed", f"{summary.loops:,}"),
         ("map", f"{width:.1f} m x {height:.1f} m at {grid.resolution:g} m a cell"),
-        ("took", f"{summary.seconds:.2f} s, {summary.times_real_time:,.0f} times real time"),
-        ("written", ", ".join(outputs.names())),
+        ("took", f"{summary.seconds:.2f} s, {_times(summary.times_real_time)} times real time"),
+        ("written", _listed(outputs.names())),
     )
     for label, text in rows:
         click.echo(f"{label:>13}  {text}", err=True)
+
+
+def _times(number: float) -> str:
+    return f"{number:,.0f}" if number >= 10 else f"{number:.1f}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    """The files, their folder said once when they share it."""
+    folders = {str(PurePath(name).parent) for name in names}
+    if len(folders) > 1 or folders == {"."}:
+        return ", ".join("standard output" if name == "-" else name for name in names)
+    return f"{folders.pop()}: {', '.join(PurePath(name).name for name in names)}"

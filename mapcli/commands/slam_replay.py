@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, replace
-from pathlib import Path
 from typing import Any
 
 import click
@@ -15,12 +14,18 @@ from mapcli.algorithms.occupancy import MapParameters
 from mapcli.algorithms.perception import PerceptionParameters
 from mapcli.algorithms.slam import Slam, SlamParameters
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
-from mapcli.commands._options import Command, common_options, no_clobber_option
+from mapcli.commands._options import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    Command,
+    common_options,
+    no_clobber_option,
+)
 from mapcli.commands._output import progress
 from mapcli.commands._replay_outputs import (
     ReplayOutputs,
+    check_outputs,
     default_folder,
-    refuse_existing,
     report,
     write_outputs,
 )
@@ -31,7 +36,6 @@ from mapcli.model.summary import Limit, ReplaySummary
 from mapcli.model.trace import PoseTrace, TracedPose
 
 MAP, MATCH, PERCEPTION = MapParameters(), MatchParameters(), PerceptionParameters()
-POSITIVE = click.FloatRange(0, min_open=True)
 
 
 class LimitType(click.ParamType[Any]):
@@ -70,9 +74,9 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 @_option("--search", MATCH.search, "Test positions around the odometry's: a window, the book's "
          "fifteen, or none.", type=click.Choice(("window", "book", "none")))  # fmt: skip
 @_option("--window-xy", MATCH.window_xy, "Least half-width of the window, metres; it grows with "
-         "the odometry's likely error.", type=click.FloatRange(0))  # fmt: skip
+         "the odometry's likely error.", type=NOT_NEGATIVE)  # fmt: skip
 @_option("--window-theta-deg", MATCH.window_theta_deg, "The same for the heading, degrees.",
-         type=click.FloatRange(0))  # fmt: skip
+         type=NOT_NEGATIVE)  # fmt: skip
 @click.option("--step-xy", type=POSITIVE, help="Metres between test positions.  [default: a cell]")
 @_option("--step-theta-deg", MATCH.step_theta_deg, "Degrees between test headings.", type=POSITIVE)
 @click.option("--no-loop-closing", is_flag=True, help="Accepted for scripts: this version does "
@@ -105,16 +109,15 @@ def command(
         usual = asdict(ReplayOutputs.in_folder(folder or default_folder(logs[0])))
         named = {key: value for key, value in asdict(outputs).items() if value}
         outputs = ReplayOutputs(**{**usual, **named})
-    if no_clobber:
-        refuse_existing(outputs.names())
+    check_outputs(outputs, logs, no_clobber=no_clobber)
     parameters = slam_parameters(**model)
     replay = Replay(log_input.open(logs), log_input, parameters)
     replay.run(quiet=quiet)
     summary, grid = replay.summary(), replay.slam.map.to_grid_map()
-    head = {"inputs": replay.inputs(), "parameters": replay.effective_parameters()}
+    head = {"inputs": replay.log.digests(), "parameters": replay.effective_parameters()}
     write_outputs(outputs, grid, replay.trace(), head, summary, no_clobber=no_clobber)
     if not quiet:
-        say_notes(replay.log)
+        say_notes(replay.log, verbose=verbose)
         report(summary, grid, outputs)
     if replay.interrupted:
         raise KeyboardInterrupt
@@ -134,7 +137,13 @@ def slam_parameters(
     step_xy: float | None,
     step_theta_deg: float,
 ) -> SlamParameters:
-    """The parameters of the algorithm from the options of the command line."""
+    """The parameters of the algorithm from the options of the command line.
+
+    Raises:
+        click.UsageError: no range lies between range_min and range_max.
+    """
+    if range_min is not None and range_max is not None and range_max <= range_min:
+        raise click.UsageError("--range-max is not more than --range-min.")
     return SlamParameters(
         map=replace(MAP, resolution=resolution),
         perception=PerceptionParameters(range_min, range_max, no_return),
@@ -181,6 +190,9 @@ class Replay:
             self.interrupted = True
             if not self.poses:
                 raise
+        except DataError as error:
+            error.file = error.file or self.log.name
+            raise
         if not self.poses:
             raise DataError("no scan in the part asked for", file=self.log.name)
 
@@ -215,10 +227,6 @@ class Replay:
             interrupted=self.interrupted,
             seconds=time.perf_counter() - self._started,
         )
-
-    def inputs(self) -> dict[str, str]:
-        """File name -> SHA-256, for the head of the trace."""
-        return {Path(self.log.name).name: self.log.sha256()}
 
     def effective_parameters(self) -> dict[str, Any]:
         """Everything that the result depends on."""

@@ -25,12 +25,12 @@ STEP_INFORMATION = "10000 0 0 10000 0 40000"
 
 
 def dump_trajectory(trace: PoseTrace, path: str | PurePath) -> bytes:
-    """The trace in the format that the file's suffix names.
+    """The trace in the format that the file's suffix names; CSV for `-`.
 
     Raises:
         DataError: a suffix of no known format.
     """
-    suffix = PurePath(path).suffix.lower()
+    suffix = ".csv" if str(path) == "-" else PurePath(path).suffix.lower()
     if suffix not in WRITERS:
         known = " ".join(WRITERS)
         raise DataError(f"{str(path)!r} says no trace format", expected=f"a name in {known}")

@@ -88,6 +88,10 @@ class ReplaySummary:
         }
 
 
+NOTHING = ReplaySummary(0, 0, 0, 0, {}, 0.0, 0.0, 0, None, 0, {}, interrupted=False)
+LIMIT_FIELDS = tuple(NOTHING.numbers())
+"""What `--fail-if` can be about."""
+
 COMPARISONS: dict[str, Callable[[float, float], bool]] = {
     "<=": operator.le,
     ">=": operator.ge,
@@ -111,24 +115,26 @@ class Limit:
         """`used_share<0.95`.
 
         Raises:
-            DataError: not of that form.
+            DataError: not of that form, or about nothing that a summary has.
         """
         match = re.fullmatch(r"\s*(\w+)\s*(<=|>=|==|!=|<|>)\s*([-+.\deE]+)\s*", text)
         try:
             if match is None:
                 raise ValueError
-            return cls(match[1], match[2], float(match[3]))
+            limit = cls(match[1], match[2], float(match[3]))
         except ValueError:
             raise DataError(f"{text!r}", expected="a limit such as 'used_share<0.95'") from None
+        if limit.field not in LIMIT_FIELDS:
+            expected = f"one of {', '.join(LIMIT_FIELDS)}"
+            raise DataError(f"{text!r}: no {limit.field!r} in the summary", expected=expected)
+        return limit
 
     def check(self, numbers: Mapping[str, float], name: str) -> None:
         """Fail if the limit is not met.
 
         Raises:
-            DataError: no such field. QualityError: the comparison holds.
+            QualityError: the comparison holds.
         """
-        if self.field not in numbers:
-            raise DataError(f"no field {self.field!r}", expected=f"one of {', '.join(numbers)}")
         found = numbers[self.field]
         if COMPARISONS[self.comparison](found, self.value):
             raise QualityError(
