@@ -14,6 +14,7 @@ from mapcli.errors import OutputError
 from mapcli.formats.map_output import SUFFIXES, SaveOptions, dump_map
 from mapcli.formats.trajectory import WRITERS, dump_trajectory
 from mapcli.model.grid import GridMap
+from mapcli.model.log import counted
 from mapcli.model.summary import ReplaySummary
 from mapcli.model.trace import PoseTrace
 
@@ -160,7 +161,7 @@ def _write_png(name: str, grid: GridMap, trace: PoseTrace, no_clobber: bool) -> 
 
 def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> None:
     """The end report, on stderr."""
-    skipped = ", ".join(f"{count:,} {reason}" for reason, count in summary.skipped.items())
+    skipped = ", ".join(counted(times, reason) for reason, times in summary.skipped.items())
     score = "none" if summary.mean_score is None else f"{summary.mean_score:.2f}"
     width, height = grid.columns * grid.resolution, grid.rows * grid.resolution
     rows = (

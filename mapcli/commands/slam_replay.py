@@ -208,7 +208,7 @@ class Replay:
         """What became of the scans."""
         trace = self.trace()
         damage = dict(self.log.damage.counts)
-        skipped = {what: n for what, n in damage.items() if what.startswith("scans")}
+        skipped = {what: n for what, n in damage.items() if self._costs_scans(what)}
         if self._asked > len(self.poses):
             skipped["scans not reached before the interruption"] = self._asked - len(self.poses)
         statuses = [pose.status for pose in self.poses]
@@ -226,6 +226,13 @@ class Replay:
             damage=damage,
             interrupted=self.interrupted,
             seconds=time.perf_counter() - self._started,
+        )
+
+    def _costs_scans(self, what: str) -> bool:
+        """Whether a kind of damage means that a scan could not be used."""
+        topic = self.log.scan_topic
+        return what.startswith(
+            ("scans ", f"messages on {topic} ", f"lines without a valid {topic} ")
         )
 
     def effective_parameters(self) -> dict[str, Any]:
