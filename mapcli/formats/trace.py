@@ -81,9 +81,7 @@ def trace_document(
         {
             "from": loop.from_,
             "to": loop.to,
-            "dx": round(loop.pose.x, 6),
-            "dy": round(loop.pose.y, 6),
-            "dtheta": round(loop.pose.theta, 6),
+            **{f"d{name}": value for name, value in _pose(loop.pose).items()},
             "score": round(loop.score, 4),
         }
         for loop in trace.loops
@@ -103,4 +101,5 @@ def _row(traced: TracedPose) -> dict[str, Any]:
 
 
 def _pose(pose: Pose2D) -> dict[str, float]:
-    return {"x": round(pose.x, 6), "y": round(pose.y, 6), "theta": round(pose.theta, 6)}
+    # + 0.0: no -0.0, whose sign is noise.
+    return {name: round(getattr(pose, name), 6) + 0.0 for name in ("x", "y", "theta")}

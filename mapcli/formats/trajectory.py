@@ -42,14 +42,16 @@ def _tum(trace: PoseTrace) -> Iterator[str]:
         seconds, nanoseconds = divmod(traced.stamp_ns, 1_000_000_000)
         pose = traced.pose
         z, w = math.sin(pose.theta / 2), math.cos(pose.theta / 2)
-        yield f"{seconds}.{nanoseconds:09d} {pose.x:.6f} {pose.y:.6f} 0 0 0 {z:.9f} {w:.9f}"
+        place, turn = f"{_metres(pose.x)} {_metres(pose.y)}", f"{_ratio(z)} {_ratio(w)}"
+        yield f"{seconds}.{nanoseconds:09d} {place} 0 0 0 {turn}"
 
 
 def _kitti(trace: PoseTrace) -> Iterator[str]:
     for traced in trace.poses:
         pose = traced.pose
         cos, sin = math.cos(pose.theta), math.sin(pose.theta)
-        yield f"{cos:.9f} {-sin:.9f} 0 {pose.x:.6f} {sin:.9f} {cos:.9f} 0 {pose.y:.6f} 0 0 1 0"
+        upper = f"{_ratio(cos)} {_ratio(-sin)} 0 {_metres(pose.x)}"
+        yield f"{upper} {_ratio(sin)} {_ratio(cos)} 0 {_metres(pose.y)} 0 0 1 0"
 
 
 def _g2o(trace: PoseTrace) -> Iterator[str]:
@@ -71,7 +73,15 @@ def _csv(trace: PoseTrace) -> Iterator[str]:
 
 
 def _numbers(pose: Pose2D, separator: str = " ") -> str:
-    return separator.join(f"{value:.6f}" for value in (pose.x, pose.y, pose.theta))
+    return separator.join(_metres(value) for value in (pose.x, pose.y, pose.theta))
+
+
+def _metres(value: float) -> str:
+    return f"{round(value, 6) + 0.0:.6f}"  # + 0.0: no "-0.000000", whose sign is noise
+
+
+def _ratio(value: float) -> str:
+    return f"{round(value, 9) + 0.0:.9f}"
 
 
 WRITERS = {".tum": _tum, ".kitti": _kitti, ".g2o": _g2o, ".csv": _csv}
