@@ -47,6 +47,9 @@ class MapParameters:
         hit, miss: what a beam's end adds, what a beam passing takes, in units of log-odds.
         highest, lowest: the limits of a cell.
         blur: standard deviation of the likelihood field around a wall, metres; at least a cell.
+        update_m, update_deg: the map is updated when the robot has moved or turned this far.
+            Writing every scan lets the small errors of many poses smear the walls they are
+            matched against, and a map that is smeared lets the next poses drift.
 
     Raises:
         DataError: a resolution that is not positive.
@@ -58,6 +61,8 @@ class MapParameters:
     highest: int = 1000
     lowest: int = -500
     blur: float = 0.05
+    update_m: float = 0.3
+    update_deg: float = 17.0
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.resolution) and self.resolution > 0):

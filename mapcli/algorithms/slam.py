@@ -6,6 +6,7 @@ sits in the modules it calls: `odometry` (3), `perception` (4), `matching` (5-8)
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
@@ -49,6 +50,7 @@ class Slam:
         self.pose = start or Pose2D()
         self.odometry_jumps = 0
         self._usual_score = 0.9
+        self._updated_at: Pose2D | None = None
         self._last: tuple[int, Pose2D | None] | None = None
 
     def replay(self, records: Iterable[Record]) -> Iterator[TracedPose]:
@@ -68,10 +70,21 @@ class Slam:
             b = best_pose(self.map, p, n, spread, self.parameters.match, self._usual_score)
             self._usual_score += SCORE_MEMORY * (b.score - self._usual_score) if b.found else 0.0
         n = b.pose  # 9: replace new position by best position
-        self.map.integrate(n, p)  # 10: update map based on new position
+        if self._is_new_ground(n):
+            self.map.integrate(n, p)  # 10: update map based on new position
+            self._updated_at = n
         self.pose = n  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
         return TracedPose(scan.stamp_ns, n, odom, b.score if b.found else None, status)
+
+    def _is_new_ground(self, pose: Pose2D) -> bool:
+        """Whether the robot has moved far enough since the last update for another one."""
+        if self._updated_at is None:
+            return True
+        p, since = self.parameters.map, self._updated_at.between(pose)
+        return math.hypot(since.x, since.y) >= p.update_m or abs(since.theta) >= math.radians(
+            p.update_deg
+        )
 
     def _motion(self, stamp_ns: int, odom: Pose2D | None) -> Pose2D | None:
         """What odometry says the robot did since the last scan; None if it cannot be told."""
