@@ -51,7 +51,10 @@ class Pose2D:
         cos, sin = math.cos(self.theta), math.sin(self.theta)
         x, y = points[:, 0], points[:, 1]
         # Written out: a matrix product would go through BLAS, whose rounding varies by machine.
-        return np.column_stack([cos * x - sin * y + self.x, sin * x + cos * y + self.y])
+        moved = np.empty((len(points), 2))
+        moved[:, 0] = cos * x - sin * y + self.x
+        moved[:, 1] = sin * x + cos * y + self.y
+        return moved
 
     def distance(self, other: Pose2D) -> float:
         """Metres between the two positions."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,25 +49,39 @@ class RangeScan:
 
     def bearings(self) -> NDArray[np.float64]:
         """Bearing of each beam in the laser's frame seen from above, shape (n,), radians."""
-        steps = np.arange(len(self.ranges), dtype=np.float64)
-        bearings = self.angle_min + self.angle_increment * steps
-        return -bearings if self.mount.flipped else bearings
+        return _bearings(
+            len(self.ranges), self.angle_min, self.angle_increment, self.mount.flipped
+        )
 
     def points(self) -> NDArray[np.float64]:
         """Ends of the beams that hit something, shape (k, 2), in the robot's frame, metres."""
         hit = np.isfinite(self.ranges)
-        return self._ends(self.bearings()[hit], self.ranges[hit].astype(np.float64))
+        return self.mount.pose.apply(self._directions()[hit] * self.ranges[hit, None])
 
     def free_ends(self, length: float) -> NDArray[np.float64]:
         """Points `length` metres along the beams without return, shape (k, 2), robot's frame."""
-        bearings = self.bearings()[np.isposinf(self.ranges)]
-        return self._ends(bearings, np.full(len(bearings), length))
+        return self.mount.pose.apply(self._directions()[np.isposinf(self.ranges)] * length)
 
-    def _ends(
-        self, bearings: NDArray[np.float64], ranges: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        ends = np.column_stack([np.cos(bearings), np.sin(bearings)]) * ranges[:, None]
-        return self.mount.pose.apply(ends)
+    def _directions(self) -> NDArray[np.float64]:
+        return _directions(
+            len(self.ranges), self.angle_min, self.angle_increment, self.mount.flipped
+        )
+
+
+def _bearings(
+    beams: int, angle_min: float, angle_increment: float, flipped: bool
+) -> NDArray[np.float64]:
+    bearings = angle_min + angle_increment * np.arange(beams, dtype=np.float64)
+    return -bearings if flipped else bearings
+
+
+@lru_cache(maxsize=16)
+def _directions(
+    beams: int, angle_min: float, angle_increment: float, flipped: bool
+) -> NDArray[np.float64]:
+    """Unit vectors along the beams, shape (n, 2); the scans of a log share a few geometries."""
+    bearings = _bearings(beams, angle_min, angle_increment, flipped)
+    return np.column_stack([np.cos(bearings), np.sin(bearings)])
 
 
 @dataclass(frozen=True, slots=True)
