@@ -20,7 +20,7 @@ from mapcli.algorithms._kernels.mapping import integrate_beams, update_field
 from mapcli.algorithms.perception import Perception
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap, crop_to_known
-from mapcli.model.pose import Pose2D
+from mapcli.model.pose import Pose2D, wrap_angle
 
 LOG_ODDS_UNIT = 1 / 17
 """One count of log-odds: a pass gives p = 0.19 of an obstacle, a hit p = 0.993."""
@@ -107,7 +107,7 @@ class OccupancyGrid:
         """The world pose of (u, v, theta)."""
         scale = self.parameters.resolution
         u, v, theta = (float(value) for value in cells)
-        return Pose2D((u + self._u0) * scale, (v + self._v0) * scale, theta)
+        return Pose2D((u + self._u0) * scale, (v + self._v0) * scale, wrap_angle(theta))
 
     def cover(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
         """Make the array hold the world rectangle from `low` to `high`, each (x, y), metres.
