@@ -200,7 +200,8 @@ class _Window:
             if enough and other[2] >= max(low, agreement + p.lost_gain):
                 pose, overlap, agreement = other
         found = overlap >= p.fewest
-        return Match(self.grid.pose_from_cells(pose), agreement, overlap, found)
+        best = self.grid.pose_from_cells(pose if found else self.predicted)
+        return Match(best, agreement, overlap, found)
 
     def _search(self, half_xy: float, half_turn: float) -> tuple[NDArray[np.float64], int, float]:
         """(pose, overlap, agreement) of the best pose in a window, refined; in cells."""
