@@ -72,7 +72,8 @@ class Slam:
         n = b.pose  # 9: replace new position by best position
         if self._is_new_ground(n):
             self.map.integrate(n, p)  # 10: update map based on new position
-            self._updated_at = n
+            if len(p.hits) >= self.parameters.match.fewest:  # else there is nothing to match yet
+                self._updated_at = n
         self.pose = n  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
         return TracedPose(scan.stamp_ns, n, odom, b.score if b.found else None, status)
