@@ -80,7 +80,7 @@ def stamp_line(
         radius: of the pen, pixels.
     """
     height, width = pixels.shape[:2]
-    points, colours = _dense(points, colours, (width, height))
+    points, colours = _dense(points, colours, (width, height), max(0.7, radius / 2))
     reach = math.ceil(radius + 1)
     limit = np.array([width + reach, height + reach])
     inside = np.all((points > -reach) & (points < limit), axis=1)
@@ -94,14 +94,18 @@ def stamp_line(
     owner = np.zeros(region.shape[:2], dtype=np.int32)
     for first in range(0, len(points), _BATCH):
         _stamp_discs(cover, owner, points[first : first + _BATCH] - (x0, y0), radius, first)
-    blend = cover[:, :, None]
-    region[:] = np.rint(region * (1 - blend) + colours[owner] * blend)
+    drawn = cover > 0
+    blend = cover[drawn][:, None]
+    region[drawn] = np.rint(region[drawn] * (1 - blend) + colours[owner[drawn]] * blend)
 
 
 def _dense(
-    points: NDArray[np.float64], colours: NDArray[np.float64], size: tuple[int, int]
+    points: NDArray[np.float64],
+    colours: NDArray[np.float64],
+    size: tuple[int, int],
+    step: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The line sampled every 0.7 pixels, so that discs overlap to a smooth edge.
+    """The line sampled every `step` pixels, so that discs overlap to a smooth edge.
 
     Stretches that are wholly outside, however long, take no samples.
     """
@@ -110,7 +114,7 @@ def _dense(
     lengths = np.hypot(*np.diff(points, axis=0).T)
     lengths[outside[1:] & outside[:-1]] = 0
     along = np.concatenate([[0.0], np.cumsum(lengths)])
-    count = min(int(along[-1] / 0.7), _MOST_SAMPLES)
+    count = min(int(along[-1] / step), _MOST_SAMPLES)
     samples = np.linspace(0, along[-1], max(count, 1) + 1)
     parts = np.column_stack([points, colours])
     dense = np.column_stack([np.interp(samples, along, part) for part in parts.T])
