@@ -115,39 +115,36 @@ class OccupancyGrid:
         Raises:
             DataError: the map would become absurdly large.
         """
-        edge = MARGIN + len(self._bump)
-        first = np.floor(low / self.parameters.resolution).astype(np.int64) - edge
-        last = np.floor(high / self.parameters.resolution).astype(np.int64) + edge
+        scale, edge = self.parameters.resolution, MARGIN + len(self._bump)
+        if max(high - low) / scale > MAX_CELLS:
+            raise _too_large(high - low)
+        first = [math.floor(value / scale) - edge for value in low]
+        last = [math.floor(value / scale) + edge for value in high]
         rows, columns = self.log_odds.shape
-        held_first = np.array([self._u0, self._v0])
-        held_last = held_first + np.array([columns, rows])
-        if rows and (first >= held_first).all() and (last < held_last).all():
-            return
-        if rows:
+        for axis, (start, length) in enumerate(((self._u0, columns), (self._v0, rows))):
+            stop = start + length
+            if length == 0:
+                continue
             # A quarter more on a side that must grow: as few copies as a doubling array.
-            spare = np.maximum(np.array([columns, rows]) // 4, BLOCK)
-            first = np.where(first < held_first, np.minimum(first, held_first - spare), held_first)
-            last = np.where(last >= held_last, np.maximum(last, held_last + spare), held_last)
-        first = first // BLOCK * BLOCK
-        size = -((first - last) // BLOCK) * BLOCK
-        self._move_to(first, size)
+            spare = max(length // 4, BLOCK)
+            first[axis] = min(first[axis], start - spare) if first[axis] < start else start
+            last[axis] = max(last[axis], stop + spare) if last[axis] >= stop else stop - 1
+        u, v = (value // BLOCK * BLOCK for value in first)
+        blocks = (last[0] - u) // BLOCK + 1, (last[1] - v) // BLOCK + 1
+        if (u, v, blocks) != (self._u0, self._v0, (columns // BLOCK, rows // BLOCK)):
+            self._move_to(u, v, blocks[0] * BLOCK, blocks[1] * BLOCK)
 
-    def _move_to(self, first: NDArray[np.int64], size: NDArray[np.int64]) -> None:
-        columns, rows = (int(n) for n in size)
+    def _move_to(self, u0: int, v0: int, columns: int, rows: int) -> None:
         if rows * columns > MAX_CELLS:
-            metres = size * self.parameters.resolution
-            raise DataError(
-                f"the map would be {metres[0]:,.0f} m x {metres[1]:,.0f} m",
-                expected="sane odometry and ranges, or a coarser --resolution",
-            )
+            raise _too_large(np.array([columns, rows]) * self.parameters.resolution)
         log_odds = np.zeros((rows, columns), dtype=np.int16)
         fields = np.zeros((len(LEVEL_WIDTHS), rows, columns), dtype=np.uint8)
-        u, v = self._u0 - int(first[0]), self._v0 - int(first[1])
+        u, v = self._u0 - u0, self._v0 - v0
         old_rows, old_columns = self.log_odds.shape
         log_odds[v : v + old_rows, u : u + old_columns] = self.log_odds
         fields[:, v : v + old_rows, u : u + old_columns] = self.fields
         self.log_odds, self.fields = log_odds, fields
-        self._u0, self._v0 = int(first[0]), int(first[1])
+        self._u0, self._v0 = u0, v0
 
     def integrate(self, pose: Pose2D, perception: Perception) -> None:
         """Line 10 of Algorithm 9.2: write what was perceived at a world pose into the map."""
@@ -183,3 +180,10 @@ class OccupancyGrid:
         scale = self.parameters.resolution
         whole = GridMap.from_bottom_up(cells, scale, (self._u0 * scale, self._v0 * scale))
         return crop_to_known(whole, margin=2)
+
+
+def _too_large(metres: NDArray[np.float64]) -> DataError:
+    return DataError(
+        f"the map would be {metres[0]:,.0f} m x {metres[1]:,.0f} m",
+        expected="sane odometry and ranges, or a coarser --resolution",
+    )
