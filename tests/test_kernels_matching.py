@@ -1,0 +1,460 @@
+"""The compiled loops that find poses, against slow and obvious twins."""
+
+from __future__ import annotations
+
+import math
+from math import cos, floor, sin
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from mapcli.algorithms._kernels import matching as kernels
+from mapcli.algorithms._kernels.mapping import update_field
+from mapcli.algorithms.occupancy import LEVEL_WIDTHS, MapParameters
+
+Floats = NDArray[np.float64]
+
+SEEDS = st.integers(0, 2**32 - 1)
+FEW = settings(deadline=None, max_examples=40)
+BUMP = MapParameters(resolution=0.05, blur=0.05).bump()
+SIZE = 120
+MIDDLE = SIZE / 2
+
+
+def place(point: Floats, pose: Floats) -> tuple[float, float]:
+    """(u, v) of a point of the robot at a pose."""
+    c, s = cos(pose[2]), sin(pose[2])
+    return pose[0] + c * point[0] - s * point[1], pose[1] + s * point[0] + c * point[1]
+
+
+def walls(rng: np.random.Generator, count: int) -> NDArray[np.int16]:
+    """A map with some walls around its middle, some open cells and much that is unknown."""
+    log_odds = np.zeros((SIZE, SIZE), np.int16)
+    for _ in range(count):
+        v, u = rng.integers(46, SIZE - 56, 2)
+        length = rng.integers(1, 12)
+        part = log_odds[v, u : u + length] if rng.random() < 0.5 else log_odds[v : v + length, u]
+        part[:] = rng.choice([-100, 100])
+    return log_odds
+
+
+def fields_of(log_odds: NDArray[np.int16]) -> NDArray[np.uint8]:
+    fields = np.zeros((len(LEVEL_WIDTHS), *log_odds.shape), np.uint8)
+    update_field(fields, LEVEL_WIDTHS, log_odds, np.argwhere(log_odds > 0).astype(np.int32), BUMP)
+    return fields
+
+
+# --- thin
+
+
+def slow_thin(points: Floats, cell: float) -> list[int]:
+    first: dict[tuple[int, int], int] = {}
+    for i, (x, y) in enumerate(points):
+        first.setdefault((floor(x / cell), floor(y / cell)), i)
+    return sorted(first.values())
+
+
+@FEW
+@given(SEEDS, st.integers(0, 80), st.floats(0.01, 3), st.sampled_from([0.1, 2.0, 300.0]))
+def test_thin_as_its_twin(seed: int, n: int, cell: float, extent: float) -> None:
+    points = np.random.default_rng(seed).normal(0, extent, (n, 2))
+    kept = kernels.thin(points, cell)
+    assert kept.tolist() == slow_thin(points, cell)
+
+
+def test_thin_by_hand() -> None:
+    points = np.array([[0.1, 0.1], [0.9, 0.9], [-0.1, 0.1], [1.0, 0.5], [-0.9, 0.9], [0.1, -0.1]])
+    assert kernels.thin(points, 1.0).tolist() == [0, 2, 3, 5]
+    assert kernels.thin(points, 0.5).tolist() == [0, 1, 2, 3, 4, 5]
+
+
+# --- the penalty
+
+
+@FEW
+@given(
+    st.integers(0, 10**6),
+    st.integers(0, 10**4),
+    st.tuples(st.floats(0, 1e5), st.floats(0.1, 100), st.floats(0, 10), st.floats(0, 10)),
+)
+def test_penalty_as_its_twin(shift: int, turn: int, prior: kernels.Prior) -> None:
+    most, knee, per_cell, per_step = prior
+    by_shift = shift * per_cell / (knee + shift * per_cell)
+    by_turn = turn * per_step / (knee + turn * per_step)
+    assert kernels.penalty(shift, turn, prior) == pytest.approx(most * (by_shift + by_turn))
+
+
+def test_penalty_by_hand() -> None:
+    prior = 100.0, 9.0, 0.25, 0.5
+    assert kernels.penalty(0, 0, prior) == 0
+    assert kernels.penalty(36, 0, prior) == 50  # 6 cells, 3 standard deviations: half of the most
+    assert kernels.penalty(0, 18, prior) == 50
+    assert kernels.penalty(36, 18, prior) == 100
+    assert 199.9 < kernels.penalty(10**9, 10**9, prior) < 200  # level far away
+    assert kernels.penalty(36, 18, (0.0, 9.0, 0.25, 0.5)) == 0
+
+
+def test_nearest_in_as_its_twin() -> None:
+    for low in range(-20, 21):
+        for width in range(1, 18):
+            nearest = min(abs(x) for x in range(low, low + width))
+            assert kernels.nearest_in(low, width) == nearest
+
+
+def test_total_as_its_twin() -> None:
+    rng = np.random.default_rng(0)
+    field = rng.integers(0, 256, 500).astype(np.uint8)
+    for n in (0, 1, 3, 4, 5, 64, 1001):
+        places = rng.integers(50, 450, n)
+        for offset in (-50, 0, 49):
+            expected = sum(int(field[p + offset]) for p in places)
+            assert kernels.total(field, places, offset) == expected
+
+
+# --- search
+
+
+def score_at(
+    field: NDArray[np.uint8],
+    points: Floats,
+    start: Floats,
+    shift: tuple[int, int, int],
+    turn_step: float,
+    prior: kernels.Prior,
+) -> tuple[float, int]:
+    """(score, sum of the field) of the pose (du, dv, turns) away from `start`."""
+    du, dv, turns = shift
+    pose = start + np.array([0, 0, turns * turn_step])
+    fit = 0
+    for point in points:
+        u, v = place(point, pose)
+        fit += int(field[floor(v) + dv, floor(u) + du])
+    most, knee, per_cell, per_step = prior
+    a, b = (du**2 + dv**2) * per_cell, turns**2 * per_step
+    return fit - most * a / (knee + a) - most * b / (knee + b), fit
+
+
+def slow_search(
+    field: NDArray[np.uint8],
+    points: Floats,
+    start: Floats,
+    half: tuple[int, int],
+    steps: tuple[int, float],
+    prior: kernels.Prior,
+) -> float:
+    """The best score of all poses of a window, every one tried."""
+    reach, turns = half
+    most, knee, per_cell, per_step = prior
+    shifts = np.arange(-reach, reach + 1)
+    shifts = shifts[shifts % steps[0] == 0]
+    a = (shifts[:, None] ** 2 + shifts[None, :] ** 2) * per_cell
+    best = -np.inf
+    for k in range(-turns, turns + 1):
+        pose = start + np.array([0, 0, k * steps[1]])
+        fits = np.zeros((len(shifts), len(shifts)))
+        for point in points:
+            u, v = place(point, pose)
+            fits += field[np.ix_(floor(v) + shifts, floor(u) + shifts)]
+        b = k**2 * per_step
+        scores = fits - most * a / (knee + a) - most * b / (knee + b)
+        best = max(best, float(scores.max()))
+    return best
+
+
+def scan_around(rng: np.random.Generator, log_odds: NDArray[np.int16], n: int) -> Floats:
+    """Points as a robot in the middle would see some of the walls, and some others."""
+    points = rng.uniform(-15, 15, (n, 2))
+    v, u = np.nonzero(log_odds > 0)
+    if len(v) and n:
+        some = rng.integers(0, len(v), n // 2)
+        points[: n // 2] = np.column_stack([u[some], v[some]]) + 0.5 - MIDDLE
+    return points
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    seed=SEEDS,
+    n=st.integers(0, 40),
+    reach=st.integers(0, 12),
+    turns=st.integers(0, 4),
+    stride=st.integers(1, 3),
+    top=st.integers(1, 3),
+    share=st.sampled_from([0.0, 0.05, 0.2, 1.0]),
+)
+def test_search_finds_what_trying_everything_finds(
+    seed: int, n: int, reach: int, turns: int, stride: int, top: int, share: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    log_odds = walls(rng, int(rng.integers(0, 12)))
+    fields, points = fields_of(log_odds), scan_around(rng, log_odds, n)
+    start = np.array([*rng.uniform(MIDDLE - 6, MIDDLE + 6, 2), rng.uniform(-3.5, 3.5)])
+    if rng.random() < 0.5:
+        start[2] = rng.uniform(-0.1, 0.1)
+    steps = stride, float(rng.uniform(0.005, 0.1))
+    prior = 255.0 * n * share, 9.0, float(rng.uniform(0, 2)), float(rng.uniform(0, 2))
+    best = slow_search(fields[0], points, start, (reach, turns), steps, prior)
+
+    du, dv, k, score, fit = kernels.search(
+        fields, LEVEL_WIDTHS, points, start, (reach, turns), steps, prior, top
+    )
+
+    assert score == pytest.approx(best, abs=1e-6)
+    shift = int(du), int(dv), int(k)
+    assert (du, dv, k) == shift
+    assert max(abs(du), abs(dv)) <= reach
+    assert abs(k) <= turns
+    assert du % stride == dv % stride == 0
+    own = score_at(fields[0], points, start, shift, steps[1], prior)
+    assert (score, fit) == pytest.approx(own, abs=1e-6)
+
+
+def test_search_of_noise() -> None:
+    # Random fields, whose bounds say little.
+    rng = np.random.default_rng(7)
+    for top in (1, 2, 3):
+        field = rng.integers(0, 256, (SIZE, SIZE)).astype(np.uint8)
+        levels = [np.full_like(field, 255) for _ in LEVEL_WIDTHS]
+        fields = np.stack([field, *levels[1:]])
+        points, start = rng.uniform(-15, 15, (9, 2)), np.array([MIDDLE, MIDDLE, 0.3])
+        prior = 200.0, 9.0, 0.1, 0.1
+        best = slow_search(field, points, start, (7, 2), (1, 0.02), prior)
+        found = kernels.search(fields, LEVEL_WIDTHS, points, start, (7, 2), (1, 0.02), prior, top)
+        assert found[3] == pytest.approx(best)
+
+
+def test_search_by_hand() -> None:
+    # One wall, and a robot that sees it 5 cells ahead while it is 8 ahead and 2 to the left.
+    log_odds = np.zeros((SIZE, SIZE), np.int16)
+    log_odds[52, 58] = 1
+    fields, points = fields_of(log_odds), np.array([[5.0, 0.0]])
+    start = np.array([50.5, 50.5, 0.0])
+    half, steps, prior = (6, 0), (1, 0.01), (0.0, 13.0, 1.0, 1.0)
+    found = kernels.search(fields, LEVEL_WIDTHS, points, start, half, steps, prior, 2)
+    assert found.tolist() == [3, 2, 0, 255, 255]
+    # 13 squared cells against a knee of 13 cost half of what it may cost at most.
+    prior = 100.0, 13.0, 1.0, 1.0
+    found = kernels.search(fields, LEVEL_WIDTHS, points, start, half, steps, prior, 2)
+    assert found.tolist() == [3, 2, 0, 205, 255]
+
+
+def test_a_map_that_does_not_care_leaves_the_start() -> None:
+    fields = np.full((len(LEVEL_WIDTHS), SIZE, SIZE), 9, np.uint8)
+    points, start = np.array([[3.0, 4.0], [-5.0, 1.0]]), np.array([MIDDLE, MIDDLE, 1.0])
+    prior = 10.0, 9.0, 0.1, 0.1
+    for top in (1, 2, 3):
+        found = kernels.search(fields, LEVEL_WIDTHS, points, start, (9, 3), (1, 0.1), prior, top)
+        assert found.tolist() == [0, 0, 0, 18, 18]
+
+
+# --- refinement
+
+
+def slow_cost(
+    field: NDArray[np.uint8],
+    points: Floats,
+    pose: Floats,
+    prior_pose: Floats,
+    weights: tuple[float, float],
+) -> float:
+    """What `refine` makes small."""
+    cost = 0.0
+    for point in points:
+        u, v = place(point, pose)
+        i, j = floor(u - 0.5), floor(v - 0.5)
+        a, b = u - 0.5 - i, v - 0.5 - j
+        value = (
+            (1 - a) * (1 - b) * float(field[j, i])
+            + a * (1 - b) * float(field[j, i + 1])
+            + (1 - a) * b * float(field[j + 1, i])
+            + a * b * float(field[j + 1, i + 1])
+        )
+        cost += (1 - value / 255) ** 2
+    du, dv, turn = prior_pose - pose
+    return cost + weights[0] * (du**2 + dv**2) + weights[1] * turn**2
+
+
+def a_room() -> tuple[NDArray[np.uint8], Floats]:
+    """The field of a room with a pillar, and the centres of its wall cells."""
+    log_odds = np.zeros((SIZE, SIZE), np.int16)
+    log_odds[35:76, [35, 75]] = 100
+    log_odds[[35, 75], 35:76] = 100
+    log_odds[60:64, 60:64] = 100
+    v, u = np.nonzero(log_odds)
+    return fields_of(log_odds)[0], np.column_stack([u, v]) + 0.5
+
+
+FIELD, WALLS = a_room()
+
+
+def seen_from(pose: Floats) -> Floats:
+    """The walls in the frame of a robot."""
+    c, s = cos(pose[2]), sin(pose[2])
+    x, y = (WALLS - pose[:2]).T
+    return np.column_stack([c * x + s * y, -s * x + c * y])
+
+
+def random_case(seed: int) -> tuple[NDArray[np.uint8], Floats, Floats, Floats, tuple[float, float]]:
+    """A field, points, a pose, one from odometry, and the weights of its distance."""
+    rng = np.random.default_rng(seed)
+    log_odds = walls(rng, 12)
+    points = scan_around(rng, log_odds, int(rng.integers(1, 40)))
+    pose = np.array([MIDDLE, MIDDLE, 0.0]) + rng.normal(0, (1.0, 1.0, 0.03))
+    weights = float(rng.uniform(0.02, 1)), float(rng.uniform(1, 50))
+    return fields_of(log_odds)[0], points, pose, pose + rng.normal(0, (1, 1, 0.02)), weights
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_linearise_as_its_twin(seed: int) -> None:
+    field, points, pose, prior_pose, weights = random_case(seed)
+    cost, normal, gradient = kernels.linearise(field, points, pose, prior_pose, weights)
+    assert cost == pytest.approx(slow_cost(field, points, pose, prior_pose, weights))
+    # `gradient` points downhill and is half as long as the slope of the cost.
+    h = 1e-6
+    for k, e in enumerate(np.eye(3) * h):
+        ahead = slow_cost(field, points, pose + e, prior_pose, weights)
+        behind = slow_cost(field, points, pose - e, prior_pose, weights)
+        assert gradient[k] == pytest.approx(-(ahead - behind) / (4 * h), rel=1e-4, abs=1e-4)
+    # `normal` is the sum of the outer products of each point's own slope.
+    jacobian = np.zeros((len(points), 3))
+    none = (0.0, 0.0)
+    for i in range(len(points)):
+        one = points[i : i + 1]
+        for k, e in enumerate(np.eye(3) * h):
+            ahead = math.sqrt(slow_cost(field, one, pose + e, pose, none))
+            behind = math.sqrt(slow_cost(field, one, pose - e, pose, none))
+            jacobian[i, k] = (ahead - behind) / (2 * h)
+    expected = jacobian.T @ jacobian + np.diag([weights[0], weights[0], weights[1]])
+    assert normal == pytest.approx(expected, rel=1e-4, abs=1e-4)
+
+
+def test_linearise_by_hand() -> None:
+    # Half way between a wall's cell (255) and one that holds 0: the field is 1/2, its slope -1.
+    field = np.zeros((9, 9), np.uint8)
+    field[:, 4] = 255
+    point, pose = np.array([[2.0, 0.0]]), np.array([3.0, 4.5, 0.0])
+    cost, normal, gradient = kernels.linearise(field, point, pose, pose, (0.0, 0.0))
+    assert cost == 0.25
+    assert gradient.tolist() == [-0.5, 0, 0]
+    assert normal.tolist() == [[1, 0, 0], [0, 0, 0], [0, 0, 0]]
+
+
+@settings(deadline=None, max_examples=60)
+@given(SEEDS, st.integers(0, 20))
+def test_refine_is_never_worse_than_its_start(seed: int, iterations: int) -> None:
+    field, points, start, prior_pose, weights = random_case(seed)
+    kept = start.copy()
+    refined = kernels.refine(field, points, start, prior_pose, weights, iterations)
+    before = slow_cost(field, points, start, prior_pose, weights)
+    assert slow_cost(field, points, refined, prior_pose, weights) <= before + 1e-9
+    assert (start == kept).all()
+
+
+def test_without_iterations_the_start_stays() -> None:
+    field, points, start, prior_pose, weights = random_case(0)
+    assert (kernels.refine(field, points, start, prior_pose, weights, 0) == start).all()
+
+
+@pytest.mark.parametrize(
+    "off", [(0.4, -0.3, 0.01), (-0.45, 0.45, -0.01), (0.5, 0.0, 0.0), (0.0, 0.0, 0.02)]
+)
+def test_refine_finds_a_shift_of_less_than_a_cell(off: tuple[float, float, float]) -> None:
+    true = np.array([52.2, 49.7, 0.4])
+    start = true + np.array(off)
+    refined = kernels.refine(FIELD, seen_from(true), start, start, (1e-6, 1e-6), 20)
+    assert refined[:2] == pytest.approx(true[:2], abs=0.01)
+    assert refined[2] == pytest.approx(true[2], abs=0.0005)
+
+
+def test_what_the_map_leaves_open_is_the_odometrys() -> None:
+    # Of the room, the robot sees the lower wall's middle only: along it, odometry is all it has.
+    true = np.array([55.0, 45.0, 0.0])
+    points = seen_from(true)[(WALLS[:, 1] < 36) & (np.abs(WALLS[:, 0] - 55) < 8)]
+    prior_pose = true + np.array([0.7, 0.3, 0.0])
+    refined = kernels.refine(FIELD, points, true + 0.2, prior_pose, (0.01, 0.01), 20)
+    assert refined[0] == pytest.approx(prior_pose[0], abs=0.02)
+    assert refined[1] == pytest.approx(true[1], abs=0.02)
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-3, 10.0])
+def test_solve3_as_numpy(damping: float) -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        jacobian = rng.normal(0, rng.choice([0.01, 1.0, 30.0], 3), (8, 3))
+        normal, gradient = jacobian.T @ jacobian, rng.normal(0, 1, 3)
+        kept = normal.copy()
+        damped = normal + damping * np.diag(np.diag(normal))
+        expected = np.linalg.solve(damped, gradient)
+        solved = kernels.solve3(normal, gradient, damping)
+        assert damped @ solved == pytest.approx(gradient, rel=1e-3, abs=1e-3)
+        assert solved == pytest.approx(expected, rel=1e-3)
+        assert (normal == kept).all()
+
+
+def test_solve3_where_nothing_is_known() -> None:
+    # A scan that touches no wall and no weight: no step, rather than a division by zero.
+    assert kernels.solve3(np.zeros((3, 3)), np.zeros(3), 1e-3).tolist() == [0, 0, 0]
+
+
+# --- comparing maps
+
+
+@FEW
+@given(SEEDS, st.integers(0, 40))
+def test_overlap_as_its_twin(seed: int, n: int) -> None:
+    rng = np.random.default_rng(seed)
+    log_odds = walls(rng, 12)
+    field, points = fields_of(log_odds)[0], scan_around(rng, log_odds, n)
+    pose = np.array([*rng.uniform(MIDDLE - 6, MIDDLE + 6, 2), rng.uniform(-4, 4)])
+    values = []
+    for point in points:
+        u, v = (floor(x) for x in place(point, pose))
+        if log_odds[v, u] != 0 or field[v, u] != 0:
+            values.append(int(field[v, u]) / 255)
+    known, agreement = kernels.overlap(log_odds, field, points, pose)
+    assert known == len(values)
+    assert agreement == pytest.approx(sum(values) / len(values) if values else 0.0)
+
+
+def test_overlap_by_hand() -> None:
+    log_odds, field = np.zeros((9, 9), np.int16), np.zeros((9, 9), np.uint8)
+    log_odds[2, 2:5] = [-9, 9, 9]
+    field[2, 2:6] = [0, 255, 51, 102]  # the last is unknown, beside a wall
+    points = np.column_stack([np.arange(8.0), np.zeros(8)]) + 0.5
+    known, agreement = kernels.overlap(log_odds, field, points, np.array([0.0, 2.0, 0.0]))
+    assert known == 4
+    assert agreement == pytest.approx((0 + 1 + 0.2 + 0.4) / 4)
+
+
+@pytest.mark.parametrize(
+    ("m", "p", "s"),
+    [
+        *((m, p, 1) for m, p in [(300, 1), (1, 1), (-300, -1), (-1, -1)]),
+        *((m, p, -1) for m, p in [(300, -1), (-1, 1)]),
+        *((m, p, 0) for m, p in [(0, 1), (0, -1)]),
+    ],
+)
+def test_the_three_cases_of_similarity(m: int, p: int, s: int) -> None:
+    """Sect. 9.5: 1 where both know and agree, -1 where they differ, 0 where one is unknown. Cells
+    that the perception map does not know are not in it."""
+    log_odds = np.zeros((3, 3), np.int16)
+    log_odds[1, 2] = m
+    cells, pose = np.array([[1.0, 0.0]]), np.array([1.5, 1.5, 0.0])
+    assert kernels.sum_of_products(log_odds, cells, np.array([p]), pose) == s
+
+
+@FEW
+@given(SEEDS, st.integers(0, 60))
+def test_sum_of_products_as_its_twin(seed: int, n: int) -> None:
+    rng = np.random.default_rng(seed)
+    log_odds = rng.integers(-3, 4, (40, 40)).astype(np.int16)
+    cells, values = rng.uniform(-12, 12, (n, 2)), rng.choice([-1, 1], n)
+    pose = np.array([20.3, 19.8, rng.uniform(-4, 4)])
+    expected = 0
+    for cell, p in zip(cells, values, strict=True):
+        u, v = (floor(x) for x in place(cell, pose))
+        m = int(log_odds[v, u])
+        expected += 0 if m == 0 else int(p) if m > 0 else -int(p)
+    assert kernels.sum_of_products(log_odds, cells, values, pose) == expected
