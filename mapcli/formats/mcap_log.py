@@ -161,7 +161,7 @@ class McapLogWriter:
             0.0,  # between scans: not known
             scan.range_min,
             scan.range_max,
-            np.asarray(scan.ranges, dtype=np.float32),
+            np.ascontiguousarray(scan.ranges, dtype=np.float32),
             np.empty(0, dtype=np.float32),
         )
         self.message(self.scan_topic, ros.LASER_SCAN, laser_scan, scan.stamp_ns)
