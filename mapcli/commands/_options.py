@@ -13,8 +13,14 @@ from mapcli.model.pose import Pose2D
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
+FILE = click.Path(readable=False, allow_dash=True)
+"""A file's name, not looked at here; lets shells complete it."""
+
+
 class Number(click.FloatRange):
     """A finite number in a range: "nan" is of no range, though every comparison lets it pass."""
+
+    name = "number"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from mapcli.commands._map_options import dialect_option
-from mapcli.commands._options import POSE, common_options, no_clobber_option
+from mapcli.commands._options import FILE, POSE, common_options, no_clobber_option
 from mapcli.commands._output import write_bytes, write_files
 from mapcli.errors import DataError, OutputError
 from mapcli.formats.grey import MODES
@@ -21,8 +21,8 @@ DEFAULTS = SaveOptions()
 
 
 @click.command(short_help="Convert a map from any format to any other.")
-@click.argument("source", metavar="IN")
-@click.argument("target", metavar="OUT")
+@click.argument("source", metavar="IN", type=FILE)
+@click.argument("target", metavar="OUT", type=FILE)
 @click.option(
     "--mode",
     type=click.Choice(MODES),

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 import click
 
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
-from mapcli.commands._options import common_options, no_clobber_option
+from mapcli.commands._options import FILE, common_options, no_clobber_option
 from mapcli.commands._output import output_file, progress
 from mapcli.errors import DataError, OutputError
 from mapcli.model.log import counted
@@ -39,8 +39,8 @@ class Tally:
 
 
 @click.command(short_help="Convert a log to MCAP with ROS 2 messages.")
-@click.argument("logs", metavar="LOG...", nargs=-1, required=True)
-@click.argument("out", metavar="OUT.mcap")
+@click.argument("logs", metavar="LOG...", type=FILE, nargs=-1, required=True)
+@click.argument("out", metavar="OUT.mcap", type=FILE)
 @log_input_options
 @no_clobber_option
 @common_options

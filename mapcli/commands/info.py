@@ -10,7 +10,7 @@ from typing import Any, cast
 import click
 
 from mapcli.commands._map_options import dialect_option
-from mapcli.commands._options import common_options, no_clobber_option
+from mapcli.commands._options import FILE, common_options, no_clobber_option
 from mapcli.commands._output import write_bytes
 
 LOG_SUFFIXES = (".mcap", ".log", ".clf", ".gz", ".bag", ".db3")
@@ -18,8 +18,10 @@ LOG_STARTS = (b"\x89MCAP", b"\x1f\x8b", b"#ROSBAG", b"SQLite format 3")
 
 
 @click.command(short_help="Say what is in a map or a log.")
-@click.argument("files", metavar="FILE...", nargs=-1, required=True)
-@click.option("--json", "json_file", metavar="F", help="Write it as JSON; - is standard output.")
+@click.argument("files", metavar="FILE...", type=FILE, nargs=-1, required=True)
+@click.option(
+    "--json", "json_file", metavar="F", type=FILE, help="Write it as JSON; - is standard output."
+)
 @dialect_option
 @no_clobber_option
 @common_options

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from mapcli.commands._map_options import dialect_option
-from mapcli.commands._options import CELL, common_options, no_clobber_option
+from mapcli.commands._options import CELL, FILE, common_options, no_clobber_option
 from mapcli.commands._output import write_bytes
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
@@ -23,9 +23,13 @@ LARGEST_PICTURE = 20_000
 
 
 @click.command(short_help="Draw a map as a picture.")
-@click.argument("source", metavar="MAP")
-@click.option("--png", metavar="F", required=True, help="The picture; - is standard output.")
-@click.option("--trace", metavar="F", help="A pose trace (trace.json) to draw as the path.")
+@click.argument("source", metavar="MAP", type=FILE)
+@click.option(
+    "--png", metavar="F", type=FILE, required=True, help="The picture; - is standard output."
+)
+@click.option(
+    "--trace", metavar="F", type=FILE, help="A pose trace (trace.json) to draw as the path."
+)
 @click.option("--labels", is_flag=True, help="Print probabilities and `?` into the cells.")
 @click.option("--frontier", is_flag=True, help="Mark the frontier in red.")
 @click.option("--robot", "robots", type=CELL, multiple=True, help="A robot's cell. Repeatable.")

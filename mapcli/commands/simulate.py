@@ -13,6 +13,7 @@ from mapcli.algorithms.drive import MotionLimits, plan_drive
 from mapcli.algorithms.sensors import FAULT_KINDS, Fault, LaserModel, OdometryModel
 from mapcli.algorithms.simulate import ROBOT_RADIUS, Simulation, check_clearance
 from mapcli.commands._options import (
+    FILE,
     POSE,
     POSITIVE,
     Command,
@@ -51,9 +52,9 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 
 
 @click.command()
-@click.argument("world", metavar="WORLD")
-@click.argument("out", metavar="OUT.mcap")
-@click.option("--path", metavar="FILE", required=True, help="Waypoints to drive along.")
+@click.argument("world", metavar="WORLD", type=FILE)
+@click.argument("out", metavar="OUT.mcap", type=FILE)
+@click.option("--path", metavar="FILE", type=FILE, required=True, help="Waypoints to drive along.")
 @_option("--seed", 0, "Of the noise; 0 is a seed like any other.", type=click.IntRange(0))
 @_option("--speed", LIMITS.speed, "Metres per second, at most.")
 @_option("--acceleration", LIMITS.acceleration, "Metres per second squared, at most.")

@@ -15,6 +15,7 @@ from mapcli.algorithms.perception import PerceptionParameters
 from mapcli.algorithms.slam import Slam, SlamParameters
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._options import (
+    FILE,
     NOT_NEGATIVE,
     POSITIVE,
     Command,
@@ -57,22 +58,28 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 
 
 @click.command()
-@click.argument("logs", metavar="LOG...", nargs=-1, required=True)
-@click.option("-o", "folder", metavar="DIR", help="Folder for map.png, map.yaml + map.pgm and "
-              "trace.json; by default the log's name with -slam.")  # fmt: skip
-@click.option("--png", metavar="F", help="The map with the path, as a picture.")
-@click.option("--map", "map_", metavar="F", help="The map: .yaml (with .pgm), .pgm, .png, .txt.")
-@click.option("--json", metavar="F", help="The pose trace as JSON; - is standard output.")
-@click.option("--trace", metavar="F", help="The pose trace: .tum, .kitti, .g2o, .csv.")
-@click.option("--mcap", metavar="F", help="Map and poses as ROS 2 messages.")
+@click.argument("logs", metavar="LOG...", type=FILE, nargs=-1, required=True)
+@click.option("-o", "folder", metavar="DIR", type=FILE, help="Folder for map.png, map.yaml + "
+              "map.pgm and trace.json.  [default: the log's name with -slam]")  # fmt: skip
+@click.option("--png", metavar="F", type=FILE, help="The map with the path, as a picture.")
+@click.option("--map", "map_", metavar="F", type=FILE,
+              help="The map: .yaml (with .pgm), .pgm, .png, .txt.")  # fmt: skip
+@click.option("--json", metavar="F", type=FILE,
+              help="The pose trace as JSON; - is standard output, here as everywhere.")  # fmt: skip
+@click.option("--trace", metavar="F", type=FILE, help="The pose trace: .tum, .kitti, .g2o, .csv.")
+@click.option("--mcap", metavar="F", type=FILE, help="Map and poses as ROS 2 messages.")
 @log_input_options
 @_option("--resolution", MAP.resolution, "Metres per cell.", type=POSITIVE)
-@click.option("--range-min", type=POSITIVE, help="Ignore readings closer than this, metres.")
-@click.option("--range-max", type=POSITIVE, help="Take longer readings for no return, metres.")
-@_option("--no-return", PERCEPTION.no_return, "What beams without return passed: make it open up "
-         "to the maximum range, or leave it.", type=click.Choice(("clear", "ignore")))  # fmt: skip
-@_option("--search", MATCH.search, "Test positions around the odometry's: a window, the book's "
-         "fifteen, or none.", type=click.Choice(("window", "book", "none")))  # fmt: skip
+@click.option("--range-min", type=POSITIVE, help="Leave out readings closer than this, metres.  "
+              "[default: the sensor's]")  # fmt: skip
+@click.option("--range-max", type=POSITIVE, help="Take readings farther than this, metres, for no "
+              "return.  [default: the sensor's]")  # fmt: skip
+@_option("--no-return", PERCEPTION.no_return, "What beams without return passed: `clear` makes it "
+         "open up to the maximum range, `ignore` leaves it as it was.",
+         type=click.Choice(("clear", "ignore")))  # fmt: skip
+@_option("--search", MATCH.search, "Where to look for each scan's pose: in a window around the "
+         "odometry's, at the book's fifteen poses, or nowhere (believe the odometry).",
+         type=click.Choice(("window", "book", "none")))  # fmt: skip
 @_option("--window-xy", MATCH.window_xy, "Least half-width of the window, metres; it grows with "
          "the odometry's likely error.", type=NOT_NEGATIVE)  # fmt: skip
 @_option("--window-theta-deg", MATCH.window_theta_deg, "The same for the heading, degrees.",
