@@ -1,0 +1,120 @@
+"""Help, version, completion: what a user asks a command-line tool first."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import click
+import pytest
+
+from mapcli import __version__
+from mapcli.cli import COMMANDS, cli, main
+
+
+def run(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as leaving:
+        main(list(arguments))
+    return int(leaving.value.code or 0)
+
+
+def command(name: str) -> click.Command:
+    found = cli.get_command(click.Context(cli), name)
+    assert found is not None
+    return found
+
+
+def examples(text: str | None) -> Iterator[list[str]]:
+    """The words after `mapcli` of every example in a help text."""
+    for line in (text or "").replace("\\\n", " ").splitlines():
+        if line.strip().startswith("mapcli "):
+            words = shlex.split(line, comments=True)
+            yield words[1 : words.index("|") if "|" in words else None]
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help_with_examples(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(name, "--help") == 0
+    text = capsys.readouterr().out
+    assert text.startswith(f"Usage: mapcli {name} [OPTIONS] ")
+    assert f"    mapcli {name} " in text
+    for option in ("-q, --quiet", "-v, --verbose", "--debug", "-h, --help"):
+        assert option in text
+
+
+EXAMPLES = [
+    words for text in (cli.help, *(command(n).help for n in COMMANDS)) for words in examples(text)
+]
+
+
+@pytest.mark.parametrize("words", EXAMPLES, ids=" ".join)
+def test_examples_are_valid(words: list[str]) -> None:
+    name, *arguments = words
+    assert command(name).make_context(name, arguments).params
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_says_what_it_is_for(name: str) -> None:
+    for parameter in command(name).params:
+        if isinstance(parameter, click.Option):
+            assert parameter.help, parameter.opts
+
+
+def test_the_list_of_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    for flag in ("--help", "-h"):
+        assert run(flag) == 0
+        text = capsys.readouterr().out
+        for name, sentence in COMMANDS.items():
+            assert f"  {name}  " in text
+            assert sentence in " ".join(text.split())
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--version") == 0
+    assert capsys.readouterr().out == f"mapcli {__version__}\n"
+
+
+def test_a_slip_of_the_pen(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("slam-repaly", "a.mcap") == 2
+    assert "No such command 'slam-repaly'. Did you mean 'slam-replay'?" in capsys.readouterr().err
+    assert run("frobnicate") == 2
+    assert capsys.readouterr().err.endswith("No such command 'frobnicate'.\n")
+
+
+def completion(**environment: str) -> str:
+    """What the program answers to a shell that asks for completion."""
+    return subprocess.run(
+        [sys.executable, "-c", "from mapcli.cli import main; main()"],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    ).stdout
+
+
+def completed(words: str) -> set[str]:
+    number = str(len(words.split(" ")) - 1)
+    answer = completion(_MAPCLI_COMPLETE="zsh_complete", COMP_WORDS=words, COMP_CWORD=number)
+    return set(answer.splitlines()) - {"_", "plain"}
+
+
+def test_shell_completion() -> None:
+    for shell in ("bash", "zsh", "fish"):
+        script = completion(_MAPCLI_COMPLETE=f"{shell}_source")
+        assert f"_MAPCLI_COMPLETE={shell}_complete" in script
+    assert {"slam-replay", "simulate"} <= completed("mapcli s")
+    assert completed("mapcli slam-replay --search ") == {"window", "book", "none"}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_shells_complete_the_names_of_files(name: str) -> None:
+    context = click.Context(command(name))
+    for parameter in context.command.params:
+        if isinstance(parameter, click.Argument):
+            (item,) = parameter.shell_complete(context, "fixtures/a")
+            assert item.type == "file"
