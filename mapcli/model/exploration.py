@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, overload
+from typing import Literal, get_args, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,8 @@ from mapcli.model.grid import GridMap
 Cell = tuple[int, int]
 """(row, column)."""
 
-Kind = Literal["start", "frontier", "blocked", "stop", "home"]
-KINDS: tuple[Kind, ...] = ("start", "frontier", "blocked", "stop", "home")
+Kind = Literal["start", "frontier", "lookout", "blocked", "stop", "home"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
 
 Reason = Literal["complete", "unreachable", "max-steps", "max-distance", "coverage", "plan"]
 """Why it ended: no frontier was left, or none that a robot could reach, or a limit, or nobody
@@ -29,8 +29,9 @@ class Step:
     Attributes:
         robot: counted from 0.
         kind: `start`: senses where it stands at first; `frontier`: goes to a frontier cell;
-            `blocked`: an obstacle believed to be open stopped it on the way to one; `stop`:
-            ends where it is, because its goal is no longer of interest; `home`: goes home.
+            `lookout`: is too large for those that are left, and goes where it sees what is beside
+            one; `blocked`: an obstacle believed to be open stopped it on the way; `stop`: ends
+            where it is, because its goal has lost its interest; `home`: goes home.
         time: when it gets there, in time steps; all robots move by one cell per time step.
         origin, goal: where it comes from and gets to.
         path: cells passed, without `origin`, with `goal`, shape (n, 2).

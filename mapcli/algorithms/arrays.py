@@ -1,0 +1,132 @@
+"""The arrays that the loops work on: made from maps and robots, and the trace read out of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.algorithms.field import (
+    OUTSIDE,
+    UNKNOWABLE,
+    UNKNOWN,
+    Field,
+    flatten,
+    kinds,
+    offsets_of_disc,
+)
+from mapcli.algorithms.fleet import STEPS, Robots, Trace
+from mapcli.algorithms.goals import FRONTIER, NOWHERE, START
+from mapcli.model.exploration import StepColumns
+from mapcli.model.grid import GridMap
+
+if TYPE_CHECKING:
+    from mapcli.algorithms.explore import ExploreParameters
+
+STEP_COLUMNS = Trace._fields[: Trace._fields.index("paths")]
+
+
+STRAIGHT = ((-1, 0), (0, -1), (0, 1), (1, 0))
+DIAGONAL = ((-1, -1), (-1, 1), (1, -1), (1, 1))
+"""(row, column) of the moves, in the order in which ties are decided."""
+
+
+def make_field(world: GridMap, known: GridMap, parameters: ExploreParameters) -> Field:
+    """The field at the start. `outset.take_stock` is still due when something is known."""
+    rows, columns = world.rows, world.columns
+    empty = np.zeros((rows, columns), np.int32)
+    moves = STRAIGHT if parameters.connectivity == 4 else STRAIGHT + DIAGONAL
+    # Obstacles farther away than the map is large are none.
+    radius = min(parameters.robot_radius / world.resolution, float(rows + columns))
+    disc_rows, disc_columns = offsets_of_disc(radius)
+    return Field(
+        rows,
+        columns,
+        columns + 2,
+        world=flatten(kinds(world.cells, parameters.low, UNKNOWABLE), OUTSIDE),
+        truth=flatten(world.cells, np.nan),
+        known=flatten(kinds(known.cells, parameters.low, UNKNOWN), OUTSIDE),
+        grid=flatten(known.cells, np.nan),
+        frontier=flatten(empty.astype(np.uint8), 0),
+        crowded=flatten(empty, 0),
+        explorable=flatten(empty.astype(np.uint8), 0),
+        disc_rows=disc_rows,
+        disc_columns=disc_columns,
+        moves=np.array([r * (columns + 2) + c for r, c in moves], np.int64),
+        counts=np.zeros(5, np.int64),
+    )
+
+
+def make_robots(cells: Sequence[int], *, at_start: bool) -> Robots:
+    """Robots on cells, without goals or, `at_start`, about to sense where they stand."""
+    count = len(cells)
+    columns = {name: np.zeros(count, np.int64) for name in Robots._fields}
+    columns["cell"][:] = columns["origin"][:] = cells
+    columns["goal"][:] = cells if at_start else NOWHERE
+    columns["kind"][:] = START if at_start else FRONTIER
+    return Robots(**columns)
+
+
+def make_trace(sensed: int, robots: int) -> Trace:
+    """An empty trace with room for a round that senses so many cells."""
+    columns = {name: np.zeros(1024 + robots, np.int64) for name in STEP_COLUMNS}
+    return Trace(
+        **columns,
+        paths=np.zeros(4096, np.int64),
+        sensed=np.zeros(4096 + 2 * sensed, np.int64),
+        counts=np.zeros(5, np.int64),
+        length=np.zeros(1, np.float64),
+    )
+
+
+def grown(trace: Trace) -> Trace:
+    """The same trace with twice the room."""
+    columns = (*STEP_COLUMNS, "paths", "sensed")
+    arrays = {name: np.asarray(getattr(trace, name)) for name in columns}
+    twice = {name: np.concatenate([a, np.zeros_like(a)]) for name, a in arrays.items()}
+    return trace._replace(**twice)
+
+
+def read_steps(field: Field, trace: Trace) -> StepColumns:
+    """The steps as people see them: rows and columns instead of indices."""
+    count = trace.counts[STEPS]
+    columns = {name: np.asarray(getattr(trace, name))[:count] for name in STEP_COLUMNS}
+    paths, path_end = _gathered(trace.paths, columns["path_begin"], columns["path_end"])
+    sensed, sensed_end = _gathered(trace.sensed, columns["sensed_begin"], columns["sensed_end"])
+    step_of = np.repeat(np.arange(count), np.diff(sensed_end, prepend=0))
+    sensed = sensed[np.lexsort((sensed, step_of))]
+    moves = columns["moves"]
+    priority = np.full(count, np.nan)
+    np.divide(columns["worth"], moves, out=priority, where=moves > 0)
+    return StepColumns(
+        robot=columns["robot"],
+        kind=columns["kind"],
+        time=columns["time"],
+        origin=cells_of(field, columns["origin"]),
+        goal=cells_of(field, columns["goal"]),
+        frontier_size=columns["frontier"],
+        priority=priority,
+        path=cells_of(field, paths),
+        path_end=path_end,
+        cells=cells_of(field, sensed),
+        probabilities=np.asarray(field.truth)[sensed],
+        sensed_end=sensed_end,
+    )
+
+
+def cells_of(field: Field, indices: NDArray[np.integer]) -> NDArray[np.int32]:
+    """(row, column) of cell indices, shape (n, 2)."""
+    rows, columns = np.divmod(indices, field.stride)
+    return np.column_stack([rows - 1, columns - 1]).astype(np.int32)
+
+
+def _gathered(
+    column: object, begin: NDArray[np.int64], end: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The parts begin...end of a column one after the other, and where each now ends."""
+    lengths = end - begin
+    ends = np.cumsum(lengths)
+    places = np.arange(ends[-1] if len(ends) else 0) + np.repeat(begin - (ends - lengths), lengths)
+    return np.asarray(column)[places], ends

@@ -1,0 +1,156 @@
+"""The field of an exploration: the world, what is known of it, and the frontier, cell by cell.
+
+Everything the loops of Algorithm 9.1 touch is a flat array, because the same functions run twice:
+as plain Python on small maps, where nothing heavy may be imported, and compiled by numba on large
+ones (`_kernels/grid_search.py`). A cell is an index into these arrays; the map has a border of
+OUTSIDE cells one cell wide, so that every cell has eight neighbours:
+
+    cell = (row + 1) * stride + column + 1,    stride = columns + 2
+
+The order of indices is the order of ties: smallest row, then smallest column.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Cells(Protocol):
+    """A flat array of numbers, or a memoryview of one, which is the faster in plain Python."""
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, place: int, /) -> int: ...
+    def __setitem__(self, place: int, value: int, /) -> None: ...
+
+
+class Reals(Protocol):
+    """The same of numbers that are not whole."""
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, place: int, /) -> float: ...
+    def __setitem__(self, place: int, value: float, /) -> None: ...
+
+
+OUTSIDE, UNKNOWN, UNKNOWABLE, OPEN, OBSTACLE = range(5)
+"""What a cell is. UNKNOWN may be learned yet; UNKNOWABLE was sensed and stayed unknown, because
+the world itself does not know it, and nobody looks at it again. In the world itself a cell is
+never UNKNOWN. Beyond the edge of the map there is nothing to learn: OUTSIDE."""
+
+FRONTIER_SIZE, KNOWN_CELLS, KNOWN_EXPLORABLE, CONTRADICTED, CHANGES = range(5)
+"""Places in `Field.counts`."""
+
+
+class Field(NamedTuple):
+    """What the robots share (its arrays change as they explore).
+
+    Attributes:
+        rows, columns, stride: the map's size, and from one row to the next.
+        world, truth: what each cell of the world is (uint8), and its probability (float32).
+        known, grid: the same as far as it is known.
+        frontier: 1 where the cell is a frontier cell (uint8).
+        crowded: known obstacles that a robot on the cell would touch (int32).
+        explorable: 1 where the cell counts for the coverage (uint8).
+        disc_rows, disc_columns: offsets of the obstacles that a robot would touch (int32).
+        moves: index offsets of the moves, straight ones first, each kind sorted (int64).
+        counts: see FRONTIER_SIZE and its neighbours (int64).
+    """
+
+    rows: int
+    columns: int
+    stride: int
+    world: Cells
+    truth: Reals
+    known: Cells
+    grid: Reals
+    frontier: Cells
+    crowded: Cells
+    explorable: Cells
+    disc_rows: Cells
+    disc_columns: Cells
+    moves: Cells
+    counts: Cells
+
+
+def learn(field: Field, cell: int) -> bool:
+    """Line 12: mark grid(cell) with what was sensed. True when the grid changed there.
+
+    The world wins over what was believed; a cell that the world does not know stays as it is.
+    """
+    before, found = field.known[cell], field.world[cell]
+    if found == UNKNOWABLE:
+        if before == UNKNOWN:
+            field.known[cell] = UNKNOWABLE
+            field.counts[CHANGES] += 1
+        return False
+    if before == found and field.grid[cell] == field.truth[cell]:
+        return False
+    field.counts[CHANGES] += 1
+    field.known[cell] = found
+    field.grid[cell] = field.truth[cell]
+    if before in (UNKNOWN, UNKNOWABLE):
+        field.counts[KNOWN_CELLS] += 1
+        field.counts[KNOWN_EXPLORABLE] += field.explorable[cell]
+    elif before != found:
+        field.counts[CONTRADICTED] += 1
+    if (found == OBSTACLE) != (before == OBSTACLE):
+        crowd(field, cell, 1 if found == OBSTACLE else -1)
+    return True
+
+
+def crowd(field: Field, cell: int, count: int) -> None:
+    """An obstacle appeared (+1) or vanished (-1): the cells where a robot would touch it."""
+    row, column = cell // field.stride, cell % field.stride
+    for k in range(len(field.disc_rows)):
+        r, c = row + field.disc_rows[k], column + field.disc_columns[k]
+        if 1 <= r <= field.rows and 1 <= c <= field.columns:
+            field.crowded[r * field.stride + c] += count
+
+
+def unknown_neighbours(field: Field, cell: int) -> int:
+    """a of Sect. 9.3.3: neighbours (left, right, up, down) that may be learned yet."""
+    known, stride = field.known, field.stride
+    return (
+        (known[cell - stride] == UNKNOWN)
+        + (known[cell - 1] == UNKNOWN)
+        + (known[cell + 1] == UNKNOWN)
+        + (known[cell + stride] == UNKNOWN)
+    )
+
+
+def flatten(cells: NDArray[Any], border: Any) -> NDArray[Any]:
+    """A map's cells as a flat array with a border one cell wide."""
+    padded = np.full((cells.shape[0] + 2, cells.shape[1] + 2), border, dtype=cells.dtype)
+    padded[1:-1, 1:-1] = cells
+    return padded.ravel()
+
+
+def unflatten(field: Field, cells: Cells | Reals) -> NDArray[Any]:
+    """A flat array as a map's cells again, shape (rows, columns), a copy."""
+    padded = np.asarray(cells).reshape(field.rows + 2, field.stride)
+    return padded[1:-1, 1:-1].copy()
+
+
+def kinds(cells: NDArray[np.float32], low: float, unknown: int) -> NDArray[np.uint8]:
+    """OPEN, OBSTACLE or `unknown` of each cell. Compared as float32, in which cells are held:
+    a cell of 0.7 is not below a `low` of 0.7."""
+    kind = np.where(cells < np.float32(low), np.uint8(OPEN), np.uint8(OBSTACLE))
+    kind[np.isnan(cells)] = unknown
+    return kind
+
+
+def offsets_of_disc(radius: float) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """(row, column) offsets of the obstacles that a robot of this radius, in cells, would touch.
+
+    A robot is a disc around its cell's centre, an obstacle the whole square of its cell; to graze
+    is not to touch. A radius up to half a cell touches nothing: the robot of the book.
+    """
+    reach = int(np.ceil(radius + 0.5))
+    rows, columns = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1)
+    gap = np.hypot(np.maximum(abs(rows) - 0.5, 0), np.maximum(abs(columns) - 0.5, 0))
+    nearest_first = np.argsort(rows**2 + columns**2, kind="stable")
+    touched = nearest_first[gap[nearest_first] < radius - 1e-9]
+    own = (rows[touched] == 0) & (columns[touched] == 0)
+    return rows[touched[~own]].astype(np.int32), columns[touched[~own]].astype(np.int32)
