@@ -131,8 +131,6 @@ def crop_to_known(grid: GridMap, margin: int = 0) -> GridMap:
     left, right = max(columns[0] - margin, 0), min(columns[-1] + margin + 1, grid.columns)
     corner = Pose2D(left * grid.resolution, (grid.rows - bottom) * grid.resolution)
     placed = grid.origin.compose(corner)
-    return GridMap(
-        grid.cells[top:bottom, left:right],
-        grid.resolution,
-        Pose2D(placed.x, placed.y, grid.origin.theta),
-    )
+    # Less than a nanometre is rounding noise: people read -0.8, not -0.8000000000000007.
+    origin = Pose2D(round(placed.x, 9), round(placed.y, 9), grid.origin.theta)
+    return GridMap(grid.cells[top:bottom, left:right], grid.resolution, origin)
