@@ -361,7 +361,7 @@ def test_the_end_report(capsys: pytest.CaptureFixture[str], corridor: Trace) -> 
     assert said["matched"] == "49; by odometry alone 0"
     assert said["driven"] == f"{corridor['summary']['distance_m']:.1f} m in 9.8 s"
     assert said["took"].endswith(" times real time")
-    assert said["written"] == "corridor-slam: map.png, map.yaml, trace.json, map.pgm"
+    assert said["written"] == "corridor-slam: map.png, map.yaml, map.pgm, trace.json"
 
 
 def test_quiet_and_verbose(capsys: pytest.CaptureFixture[str]) -> None:

@@ -46,10 +46,11 @@ class ReplayOutputs:
 
     def names(self) -> list[str]:
         """All files, the companions of a YAML map included."""
-        named = [name for name in (self.png, self.map, self.json, self.trace, self.mcap) if name]
+        image = None
         if _suffix(self.map) in (".yaml", ".yml"):
-            named.append(str(PurePath(str(self.map)).with_suffix(".pgm")))
-        return named
+            image = str(PurePath(str(self.map)).with_suffix(".pgm"))
+        named = self.png, self.map, image, self.json, self.trace, self.mcap
+        return [name for name in named if name]
 
 
 def default_folder(log: str) -> str:
