@@ -77,14 +77,14 @@ def test_the_spread_by_hand() -> None:
     model = OdometryModel(
         xy_floor=0.01, xy_per_m=0.1, xy_per_rad=0.2,
         turn_floor_deg=1.0, turn_per_rad=0.5, turn_deg_per_m=2.0,
-        lost_xy=0.4, lost_turn_deg=30.0,
+        silent_xy=0.4, silent_turn_deg=30.0,
     )  # fmt: skip
     spread = model.spread(Pose2D(3, -4, -0.1))  # 5 m, 0.1 rad
     assert spread.xy == pytest.approx(0.01 + 0.5 + 0.02)
     assert spread.turn == pytest.approx(math.radians(1 + 10) + 0.05)
     assert spread.metres == pytest.approx(5)
     assert model.spread(Pose2D()) == Spread(0.01, math.radians(1), 0)
-    assert model.spread(None) == Spread(0.4, math.radians(30), 0)
+    assert model.spread(None) == Spread(0.4, math.radians(30), 0, reach=2)
 
 
 # --- window
@@ -138,7 +138,7 @@ def test_a_window_that_leaves_the_map() -> None:
 
 
 UNREFINED = MatchParameters(
-    iterations=0, window_xy=0.1, window_theta_deg=2.0, window_spreads=4.0, lost_below=0.0, prior=0.0
+    iterations=0, window_xy=0.1, window_theta_deg=2.0, lost_below=0.0, prior=0.0
 )
 
 
@@ -219,7 +219,7 @@ def test_what_fits_nowhere_stays_in_the_window() -> None:
     # Another room than the map's: no pose is usual, so none farther off is believed.
     p = MatchParameters()
     match = best_pose(mapped(), look(HERE, OTHER_ROOM), HERE, NARROW, p)
-    half = p.window_xy + p.window_spreads * NARROW.xy + 0.05
+    half = p.window_xy + NARROW.reach * NARROW.xy + 0.05
     assert match.pose.distance(HERE) <= half * math.sqrt(2) + 0.1
 
 

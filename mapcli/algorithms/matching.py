@@ -43,7 +43,8 @@ class OdometryModel:
             and per radian of motion.
         turn_floor_deg: degrees; turn_per_rad: radians per radian; turn_deg_per_m: degrees per
             metre.
-        lost_xy, lost_turn_deg: where there is no odometry at all.
+        silent_xy, silent_turn_deg: where there is no odometry at all, and the robot is looked for
+            around where it was; twice as much is as far as it can be followed.
     """
 
     xy_floor: float = 0.02
@@ -52,13 +53,13 @@ class OdometryModel:
     turn_floor_deg: float = 0.5
     turn_per_rad: float = 0.15
     turn_deg_per_m: float = 2.0
-    lost_xy: float = 0.15
-    lost_turn_deg: float = 5.0
+    silent_xy: float = 0.3
+    silent_turn_deg: float = 10.0
 
     def spread(self, motion: Pose2D | None) -> Spread:
         """What to expect after a motion; None is unknown."""
         if motion is None:
-            return Spread(self.lost_xy, math.radians(self.lost_turn_deg), 0.0)
+            return Spread(self.silent_xy, math.radians(self.silent_turn_deg), 0.0, reach=2.0)
         metres, turn = math.hypot(motion.x, motion.y), abs(motion.theta)
         return Spread(
             self.xy_floor + self.xy_per_m * metres + self.xy_per_rad * turn,
@@ -70,11 +71,18 @@ class OdometryModel:
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Standard deviations of a predicted pose: metres, radians; and the metres driven."""
+    """How far off a predicted pose may be.
+
+    Attributes:
+        xy, turn: standard deviations, metres and radians.
+        metres: driven since the pose before.
+        reach: standard deviations to look on either side.
+    """
 
     xy: float
     turn: float
     metres: float
+    reach: float = 4.0
 
 
 @dataclass(frozen=True)
@@ -83,8 +91,8 @@ class MatchParameters:
 
     Attributes:
         search: see the module.
-        window_xy, window_theta_deg: half-widths of the window, to which `window_spreads` standard
-            deviations of the odometry's error are added.
+        window_xy, window_theta_deg: half-widths of the window, to which the reach of the
+            odometry's error is added.
         step_xy: metres between test positions, rounded to whole cells; None is one cell.
         step_theta_deg: degrees between test headings.
         prior: the most that leaving the odometry's pose costs, as a share of a perfect score.
@@ -102,7 +110,6 @@ class MatchParameters:
     search: Search = "window"
     window_xy: float = 0.1
     window_theta_deg: float = 2.0
-    window_spreads: float = 4.0
     step_xy: float | None = None
     step_theta_deg: float = 0.5
     prior: float = 0.1
@@ -154,7 +161,7 @@ def best_pose(
     if parameters.search == "none" or len(points) < parameters.fewest:
         return Match(predicted, 0.0, 0, found=False)
     wide = parameters.lost_xy + parameters.lost_xy_per_m * spread.metres
-    wide = max(wide, parameters.window_xy + parameters.window_spreads * spread.xy)
+    wide = max(wide, parameters.window_xy + spread.reach * spread.xy)
     reach = wide + 2 * grid.parameters.resolution + float(np.hypot(*points.T).max())
     centre = np.array([predicted.x, predicted.y])
     grid.cover(centre - reach, centre + reach)
@@ -191,8 +198,8 @@ class _Window:
         p = self.parameters
         low = p.lost_below * usual_score
         pose, overlap, agreement = self._search(
-            p.window_xy + p.window_spreads * self.spread.xy,
-            math.radians(p.window_theta_deg) + p.window_spreads * self.spread.turn,
+            p.window_xy + self.spread.reach * self.spread.xy,
+            math.radians(p.window_theta_deg) + self.spread.reach * self.spread.turn,
         )
         if agreement < low:
             other = self._search(wide, math.radians(p.lost_theta_deg))
