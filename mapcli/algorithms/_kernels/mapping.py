@@ -43,61 +43,61 @@ def integrate_beams(
         How many there are in `changed`.
     """
     hit, miss, highest, lowest = rules
-    touched = np.empty((1024, 2), np.int32)
+    columns = log_odds.shape[1]
+    cells = log_odds.reshape(-1)  # one index to move along a beam, not two
+    touched = np.empty(1024, np.int64)
     n_touched = 0
     n_changed = 0
     for beam in range(hits):
-        u, v = floor(ends[beam, 0]), floor(ends[beam, 1])
-        old = log_odds[v, u]
+        at = floor(ends[beam, 1]) * columns + floor(ends[beam, 0])
+        old = cells[at]
         if old >= IS_SEEN:
             continue
         new = min(highest, old + hit)
         if new == 0:
             new = 1  # known, so never again the sign of unknown
         if old <= 0 and new > 0:
-            changed[n_changed, 0] = v
-            changed[n_changed, 1] = u
+            changed[n_changed, 0] = at // columns
+            changed[n_changed, 1] = at % columns
             n_changed += 1
-        log_odds[v, u] = new + SEEN
+        cells[at] = new + SEEN
         if n_touched == len(touched):
             touched = np.concatenate((touched, np.empty_like(touched)))
-        touched[n_touched, 0] = v
-        touched[n_touched, 1] = u
+        touched[n_touched] = at
         n_touched += 1
     for beam in range(len(ends)):
         u, v = floor(laser[0]), floor(laser[1])
+        at = v * columns + u
         du, dv = ends[beam, 0] - laser[0], ends[beam, 1] - laser[1]
-        step_u, step_v = (1 if du > 0 else -1), (1 if dv > 0 else -1)
+        step_u, step_v = (1 if du > 0 else -1), (columns if dv > 0 else -columns)
         # Lengths along the beam, as shares of it, between and to the next cell boundaries.
         share_u = abs(1.0 / du) if du != 0 else np.inf
         share_v = abs(1.0 / dv) if dv != 0 else np.inf
         next_u = (u + 1 - laser[0] if du > 0 else laser[0] - u) * share_u if du != 0 else np.inf
         next_v = (v + 1 - laser[1] if dv > 0 else laser[1] - v) * share_v if dv != 0 else np.inf
-        cells = abs(floor(ends[beam, 0]) - u) + abs(floor(ends[beam, 1]) - v)
-        for _ in range(cells):
-            old = log_odds[v, u]
+        for _ in range(abs(floor(ends[beam, 0]) - u) + abs(floor(ends[beam, 1]) - v)):
+            old = cells[at]
             if lowest < old < IS_SEEN:
                 new = max(lowest, old - miss)
                 if new == 0:
                     new = -1
                 if old > 0 and new < 0:
-                    changed[n_changed, 0] = v
-                    changed[n_changed, 1] = u
+                    changed[n_changed, 0] = at // columns
+                    changed[n_changed, 1] = at % columns
                     n_changed += 1
-                log_odds[v, u] = new + SEEN
+                cells[at] = new + SEEN
                 if n_touched == len(touched):
                     touched = np.concatenate((touched, np.empty_like(touched)))
-                touched[n_touched, 0] = v
-                touched[n_touched, 1] = u
+                touched[n_touched] = at
                 n_touched += 1
             if next_u < next_v:
                 next_u += share_u
-                u += step_u
+                at += step_u
             else:
                 next_v += share_v
-                v += step_v
+                at += step_v
     for k in range(n_touched):
-        log_odds[touched[k, 0], touched[k, 1]] -= SEEN
+        cells[touched[k]] -= SEEN
     return n_changed
 
 
