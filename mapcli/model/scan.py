@@ -49,9 +49,7 @@ class RangeScan:
 
     def bearings(self) -> NDArray[np.float64]:
         """Bearing of each beam in the laser's frame seen from above, shape (n,), radians."""
-        return _bearings(
-            len(self.ranges), self.angle_min, self.angle_increment, self.mount.flipped
-        )
+        return _bearings(len(self.ranges), self.angle_min, self.angle_increment, self.mount.flipped)
 
     def points(self) -> NDArray[np.float64]:
         """Ends of the beams that hit something, shape (k, 2), in the robot's frame, metres."""
