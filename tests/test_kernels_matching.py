@@ -352,6 +352,21 @@ def test_refine_is_never_worse_than_its_start(seed: int, iterations: int) -> Non
     assert (start == kept).all()
 
 
+@FEW
+@given(SEEDS)
+def test_refine_of_noise(seed: int) -> None:
+    # Where every step is as likely to lead up as down.
+    rng = np.random.default_rng(seed)
+    field, points = (
+        rng.integers(0, 256, (SIZE, SIZE)).astype(np.uint8),
+        rng.uniform(-15, 15, (9, 2)),
+    )
+    start = np.array([MIDDLE, MIDDLE, 0.0]) + rng.normal(0, (1.0, 1.0, 1.0))
+    refined = kernels.refine(field, points, start, start, (0.1, 10.0), 10)
+    before = slow_cost(field, points, start, start, (0.1, 10.0))
+    assert slow_cost(field, points, refined, start, (0.1, 10.0)) <= before + 1e-9
+
+
 def test_without_iterations_the_start_stays() -> None:
     field, points, start, prior_pose, weights = random_case(0)
     assert (kernels.refine(field, points, start, prior_pose, weights, 0) == start).all()

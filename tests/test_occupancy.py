@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mapcli.algorithms import occupancy
 from mapcli.algorithms.occupancy import BLOCK, LEVEL_WIDTHS, MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import Perception
 from mapcli.errors import DataError
@@ -192,14 +193,19 @@ def test_growth_keeps_what_was_known_where_it_was(far: tuple[float, float]) -> N
     assert contents(grid) == before
 
 
-def test_what_is_covered_is_held_with_room_around_it() -> None:
+@pytest.mark.parametrize("block", [1, BLOCK])
+def test_what_is_covered_is_held_with_room_around_it(
+    block: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # For the bumps of walls at the edge, and for the coarsest level beyond them.
+    monkeypatch.setattr(occupancy, "BLOCK", block)
     grid = OccupancyGrid(MapParameters(resolution=0.1))
     room = len(grid.parameters.bump()) + LEVEL_WIDTHS[-1]
     for low, high in [((3, 4), (5, 9)), ((-40, 0), (-39, 1)), ((0, 80), (90, 81))]:
         grid.cover(np.array(low, np.float64), np.array(high, np.float64))
         rows, columns = grid.log_odds.shape
         assert grid.fields.shape == (len(LEVEL_WIDTHS), rows, columns)
-        assert rows % BLOCK == columns % BLOCK == 0
+        assert rows % block == columns % block == 0
         corners = grid.to_cells(np.array([low, high], np.float64))
         assert (corners[0] >= room).all()
         assert (corners[1] + room < (columns, rows)).all()
@@ -212,6 +218,17 @@ def test_nothing_grows_within_what_is_covered() -> None:
     grid.cover(np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
     grid.cover(np.array([0.5, 0.5]), np.array([0.6, 0.6]))
     assert grid.log_odds is log_odds
+
+
+def test_a_long_way_needs_few_copies(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(occupancy, "BLOCK", 8)
+    grid = OccupancyGrid(MapParameters(resolution=1.0))
+    copies, held = 0, grid.log_odds
+    for x in range(1000):
+        grid.cover(np.array([x - 5.0, -5.0]), np.array([x + 5.0, 5.0]))
+        copies += grid.log_odds is not held
+        held = grid.log_odds
+    assert 5 < copies < 25
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -336,6 +336,29 @@ def test_the_start_is_where_one_says() -> None:
     assert_near(found, poses)
 
 
+@pytest.mark.parametrize(
+    ("moved", "updated"),
+    [
+        (Pose2D(), False),
+        (Pose2D(0.25, 0.0, 0.0), False),
+        (Pose2D(0.0, -0.35, 0.0), True),
+        (Pose2D(0.0, 0.0, 0.25), False),
+        (Pose2D(0.0, 0.0, 0.35), True),
+        (Pose2D(0.0, 0.0, -0.35), True),
+    ],
+)
+def test_the_map_is_updated_where_the_robot_has_moved(moved: Pose2D, updated: bool) -> None:
+    slam = Slam(SlamParameters(map=MapParameters(update_m=0.3, update_deg=17.0)))
+    here = Pose2D(0.02, 0.01, 3.1)
+    there = here.compose(moved)
+    slam.step(scan_at(here, 0), here)
+    before = slam.map.to_grid_map()
+    for k in range(1, 4):
+        slam.step(scan_at(there, k), there)
+    after = slam.map.to_grid_map()
+    assert np.array_equal(before.cells, after.cells, equal_nan=True) != updated
+
+
 def test_step_by_step_is_the_same_as_a_replay() -> None:
     poses = POSES[:15]
     odom = odometry_of(poses, errors_up_to(0.1, 5.0, len(poses)))
