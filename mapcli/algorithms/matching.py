@@ -17,7 +17,7 @@ fixed share of the score. Ends on unknown cells count nothing (Sect. 9.7: only w
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -160,12 +160,7 @@ def best_pose(
     points = thinned(perception.hits, grid.parameters.resolution)
     if parameters.search == "none" or len(points) < parameters.fewest:
         return Match(predicted, 0.0, 0, found=False)
-    wide = parameters.lost_xy + parameters.lost_xy_per_m * spread.metres
-    wide = max(wide, parameters.window_xy + spread.reach * spread.xy)
-    reach = wide + 2 * grid.parameters.resolution + float(np.hypot(*points.T).max())
-    centre = np.array([predicted.x, predicted.y])
-    grid.cover(centre - reach, centre + reach)
-    return _Window(grid, points, predicted, spread, parameters).best(wide, usual_score)
+    return _Window(grid, points, predicted, spread, parameters).best(usual_score)
 
 
 def thinned(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
@@ -185,59 +180,66 @@ class _Window:
         parameters: MatchParameters,
     ) -> None:
         self.grid, self.parameters, self.spread = grid, parameters, spread
+        self.predicted = predicted
         self.cell = grid.parameters.resolution
         self.points = points / self.cell
-        self.predicted = grid.pose_to_cells(predicted)
         self.turn_step = math.radians(parameters.step_theta_deg)
         stride = 1 if parameters.step_xy is None else round(parameters.step_xy / self.cell)
         self.stride = max(1, stride)
         self.weight = kernels.FULL * max(len(points), parameters.usual) * parameters.prior
 
-    def best(self, wide: float, usual_score: float) -> Match:
-        """The best pose; a window of half-width `wide` is searched when odometry seems lost."""
-        p = self.parameters
+    def best(self, usual_score: float) -> Match:
+        """The best pose; a far wider window is searched when odometry seems lost."""
+        p, spread = self.parameters, self.spread
+        half_xy = p.window_xy + spread.reach * spread.xy
+        half_turn = math.radians(p.window_theta_deg) + spread.reach * spread.turn
+        best = self._search(half_xy, half_turn)
         low = p.lost_below * usual_score
-        pose, overlap, agreement = self._search(
-            p.window_xy + self.spread.reach * self.spread.xy,
-            math.radians(p.window_theta_deg) + self.spread.reach * self.spread.turn,
-        )
-        if agreement < low:
-            other = self._search(wide, math.radians(p.lost_theta_deg))
-            enough = other[1] >= p.lost_overlap * len(self.points)
-            if enough and other[2] >= max(low, agreement + p.lost_gain):
-                pose, overlap, agreement = other
-        found = overlap >= p.fewest
-        best = self.grid.pose_from_cells(pose if found else self.predicted)
-        return Match(best, agreement, overlap, found)
+        if best.score < low:
+            wide_xy = max(half_xy, p.lost_xy + p.lost_xy_per_m * spread.metres)
+            other = self._search(wide_xy, math.radians(p.lost_theta_deg))
+            enough = other.overlap >= p.lost_overlap * len(self.points)
+            if enough and other.score >= max(low, best.score + p.lost_gain):
+                best = other
+        return best if best.found else replace(best, pose=self.predicted)
 
-    def _search(self, half_xy: float, half_turn: float) -> tuple[NDArray[np.float64], int, float]:
-        """(pose, overlap, agreement) of the best pose in a window, refined; in cells."""
+    def _search(self, half_xy: float, half_turn: float) -> Match:
+        """The best pose in a window around the predicted one, refined."""
+        self._cover(half_xy, half_turn)
+        start = self.grid.pose_to_cells(self.predicted)
         reach = math.ceil(half_xy / self.cell)
-        turns = math.ceil(half_turn / self.turn_step)
         cell_prior = (self.cell / self.spread.xy) ** 2
         step_prior = (self.turn_step / self.spread.turn) ** 2
         du, dv, turn, _, _ = kernels.search(
             self.grid.fields,
             LEVEL_WIDTHS,
             self.points,
-            self.predicted,
-            (reach, turns),
+            start,
+            (reach, math.ceil(half_turn / self.turn_step)),
             (self.stride, self.turn_step),
             (self.weight, self.parameters.prior_knee, cell_prior, step_prior),
             2 if reach < 32 else 3,
         )
-        pose = self._refine(self.predicted + np.array([du, dv, turn * self.turn_step]))
+        pose = self._refine(start + np.array([du, dv, turn * self.turn_step]), start)
         overlap, agreement = kernels.overlap(
             self.grid.log_odds, self.grid.fields[0], self.points, pose
         )
-        return pose, overlap, agreement
+        found = overlap >= self.parameters.fewest
+        return Match(self.grid.pose_from_cells(pose), agreement, overlap, found)
 
-    def _refine(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _cover(self, half_xy: float, half_turn: float) -> None:
+        """Make the map hold every point of every pose in the window."""
+        points = self.predicted.apply(self.points * self.cell)
+        swing = float(np.hypot(*self.points.T).max()) * self.cell * (half_turn + self.turn_step)
+        slack = half_xy + self.cell + swing
+        self.grid.cover(points.min(axis=0) - slack, points.max(axis=0) + slack)
+
+    def _refine(self, pose: NDArray[np.float64], start: NDArray[np.float64]) -> NDArray[np.float64]:
         p = self.parameters
         slope = p.prior_in_refinement * self.weight / kernels.FULL / p.prior_knee
         weights = (slope * (self.cell / self.spread.xy) ** 2, slope / self.spread.turn**2)
         refined: NDArray[np.float64] = kernels.refine(
-            self.grid.fields[0], self.points, pose, self.predicted, weights, p.iterations
+            self.grid.fields[0], self.points, pose, start, weights, p.iterations
         )
         return refined
 

@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 FULL = 255.0
 """The field's value on a wall."""
 
+FARTHEST_REFINEMENT = 24.0
+"""Cells that the refinement may move a point: less than `occupancy.MARGIN`."""
+
 Prior = tuple[float, float, float, float]
 
 
@@ -184,7 +187,8 @@ def refine(
     """Levenberg-Marquardt on the bilinear field: the last millimetres.
 
     Minimises the sum over the points of (1 - field)^2 plus `weights` times the squared distance
-    from `prior_pose`, from `start` on. Never returns a pose worse than `start`.
+    from `prior_pose`, from `start` on. Never returns a pose worse than `start`, nor one that
+    moves any point more than `FARTHEST_REFINEMENT` cells, beyond which the array may end.
 
     Args:
         field: 255 on walls, 0 away from them.
@@ -193,6 +197,7 @@ def refine(
         weights: (per squared cell, per squared radian).
         iterations: at most.
     """
+    farthest = np.sqrt((points[:, 0] ** 2 + points[:, 1] ** 2).max())
     best = start.copy()
     least, kept_normal, kept_gradient = linearise(field, points, start, prior_pose, weights)
     damping = 1e-3
@@ -201,6 +206,10 @@ def refine(
         if abs(step[0]) < 1e-3 and abs(step[1]) < 1e-3 and abs(step[2]) < 1e-5:
             break
         pose = best + step
+        off = np.abs(pose - start)
+        if off[0] + off[1] + off[2] * farthest > FARTHEST_REFINEMENT:
+            damping *= 10.0
+            continue
         cost, normal, gradient = linearise(field, points, pose, prior_pose, weights)
         if cost < least:
             least = cost
