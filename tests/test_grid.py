@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapcli.errors import DataError
 from mapcli.model.grid import UNKNOWN, GridMap, crop_to_known
 from mapcli.model.pose import Pose2D
 
+FEW = settings(max_examples=40)
 SLOPE = math.atan2(3, 4)
 """An angle whose cosine is 0.8 and whose sine is 0.6."""
 
@@ -89,6 +90,7 @@ def test_no_points_no_cells() -> None:
     assert grid_of(3, 4).fractional_cells_of_world([]).shape == (0, 2)
 
 
+@FEW
 @given(grids)
 def test_every_cell_finds_itself_again(grid: GridMap) -> None:
     rows, columns = np.indices(grid.cells.shape).reshape(2, -1)
@@ -98,6 +100,7 @@ def test_every_cell_finds_itself_again(grid: GridMap) -> None:
     assert grid.fractional_cells_of_world(there) == pytest.approx(back, abs=1e-6)
 
 
+@FEW
 @given(grids)
 def test_the_formula_at_the_head_of_the_module(grid: GridMap) -> None:
     n, s = grid.rows, grid.resolution
@@ -158,6 +161,7 @@ def test_crop_of_a_turned_map_by_hand() -> None:
     assert cropped.origin.theta == SLOPE
 
 
+@FEW
 @given(st.integers(0, 2**32 - 1), st.integers(0, 3), st.floats(-math.pi, math.pi))
 def test_crop_keeps_every_cell_where_it_is(seed: int, margin: int, yaw: float) -> None:
     rng = np.random.default_rng(seed)

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapcli.algorithms.odometry import EXTRAPOLATION_NS, PATIENCE_NS, odometry_at_scans
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Odometry, RangeScan, Record, TruePose
 
+FEW = settings(max_examples=50)
 MS = 10**6
 
 
@@ -142,6 +143,7 @@ def test_no_scans_no_poses() -> None:
     assert list(odometry_at_scans([odom(0, 0), odom(100, 1)])) == []
 
 
+@FEW
 @given(st.lists(st.tuples(st.booleans(), st.integers(1, 400)), max_size=40))
 def test_every_scan_comes_out_once_in_order(gaps: list[tuple[bool, int]]) -> None:
     # Odometry moves at 1 m/s, so wherever it is known it is known exactly.

@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapcli.model.pose import Pose2D, interpolate, wrap_angle
 
+FEW = settings(max_examples=40)
 METRES = st.floats(-1000, 1000)
 ANGLES = st.floats(-10, 10)
 POSES = st.builds(Pose2D, METRES, METRES, ANGLES)
@@ -41,6 +42,7 @@ def test_wrapped_angles(angle: float, wrapped: float) -> None:
     assert wrap_angle(angle) == pytest.approx(wrapped, abs=1e-12)
 
 
+@FEW
 @given(st.floats(-1e6, 1e6))
 def test_wrapping_keeps_the_direction(angle: float) -> None:
     wrapped = wrap_angle(angle)
@@ -69,28 +71,33 @@ def test_between_by_hand() -> None:
     assert_same(seen, Pose2D(1, -2, QUARTER))
 
 
+@FEW
 @given(POSES)
 def test_an_inverse_undoes(pose: Pose2D) -> None:
     assert_same(pose.compose(pose.inverse()), Pose2D())
     assert_same(pose.inverse().compose(pose), Pose2D())
 
 
+@FEW
 @given(POSES)
 def test_the_origin_changes_nothing(pose: Pose2D) -> None:
     assert_same(pose.compose(Pose2D()), pose)
     assert_same(Pose2D().compose(pose), pose)
 
 
+@FEW
 @given(POSES, POSES, POSES)
 def test_compose_is_associative(a: Pose2D, b: Pose2D, c: Pose2D) -> None:
     assert_same(a.compose(b).compose(c), a.compose(b.compose(c)))
 
 
+@FEW
 @given(POSES, POSES)
 def test_between_is_what_is_missing(a: Pose2D, b: Pose2D) -> None:
     assert_same(a.compose(a.between(b)), b)
 
 
+@FEW
 @given(POSES, POSES)
 def test_headings_come_out_wrapped(a: Pose2D, b: Pose2D) -> None:
     for pose in (a.compose(b), a.inverse(), a.between(b), interpolate(a, b, 0.3)):
@@ -104,6 +111,7 @@ def test_apply_by_hand() -> None:
     assert Pose2D(10, 20, 1).apply(np.empty((0, 2))).shape == (0, 2)
 
 
+@FEW
 @given(POSES, POSES)
 def test_apply_moves_a_point_as_compose_moves_a_pose(a: Pose2D, b: Pose2D) -> None:
     moved = a.compose(b)
@@ -134,6 +142,7 @@ def test_going_on_beyond() -> None:
     assert_same(interpolate(Pose2D(0, 0, 0), Pose2D(1, 2, 0.1), -1.0), Pose2D(-1, -2, -0.1))
 
 
+@FEW
 @given(POSES, POSES)
 def test_the_ends_are_exact(a: Pose2D, b: Pose2D) -> None:
     assert interpolate(a, b, 0.0) == a
