@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels import matching as kernels
+from mapcli.algorithms._kernels import refinement
 from mapcli.algorithms._kernels.mapping import update_field
 from mapcli.algorithms.occupancy import LEVEL_WIDTHS, MapParameters
 
@@ -309,7 +310,7 @@ def random_case(seed: int) -> tuple[NDArray[np.uint8], Floats, Floats, Floats, t
 @pytest.mark.parametrize("seed", range(12))
 def test_linearise_as_its_twin(seed: int) -> None:
     field, points, pose, prior_pose, weights = random_case(seed)
-    cost, normal, gradient = kernels.linearise(field, points, pose, prior_pose, weights)
+    cost, normal, gradient = refinement.linearise(field, points, pose, prior_pose, weights)
     assert cost == pytest.approx(slow_cost(field, points, pose, prior_pose, weights))
     # `gradient` points downhill and is half as long as the slope of the cost.
     h = 1e-6
@@ -335,7 +336,7 @@ def test_linearise_by_hand() -> None:
     field = np.zeros((9, 9), np.uint8)
     field[:, 4] = 255
     point, pose = np.array([[2.0, 0.0]]), np.array([3.0, 4.5, 0.0])
-    cost, normal, gradient = kernels.linearise(field, point, pose, pose, (0.0, 0.0))
+    cost, normal, gradient = refinement.linearise(field, point, pose, pose, (0.0, 0.0))
     assert cost == 0.25
     assert gradient.tolist() == [-0.5, 0, 0]
     assert normal.tolist() == [[1, 0, 0], [0, 0, 0], [0, 0, 0]]
@@ -346,7 +347,7 @@ def test_linearise_by_hand() -> None:
 def test_refine_is_never_worse_than_its_start(seed: int, iterations: int) -> None:
     field, points, start, prior_pose, weights = random_case(seed)
     kept = start.copy()
-    refined = kernels.refine(field, points, start, prior_pose, weights, iterations)
+    refined = refinement.refine(field, points, start, prior_pose, weights, iterations)
     before = slow_cost(field, points, start, prior_pose, weights)
     assert slow_cost(field, points, refined, prior_pose, weights) <= before + 1e-9
     assert (start == kept).all()
@@ -362,14 +363,14 @@ def test_refine_of_noise(seed: int) -> None:
         rng.uniform(-15, 15, (9, 2)),
     )
     start = np.array([MIDDLE, MIDDLE, 0.0]) + rng.normal(0, (1.0, 1.0, 1.0))
-    refined = kernels.refine(field, points, start, start, (0.1, 10.0), 10)
+    refined = refinement.refine(field, points, start, start, (0.1, 10.0), 10)
     before = slow_cost(field, points, start, start, (0.1, 10.0))
     assert slow_cost(field, points, refined, start, (0.1, 10.0)) <= before + 1e-9
 
 
 def test_without_iterations_the_start_stays() -> None:
     field, points, start, prior_pose, weights = random_case(0)
-    assert (kernels.refine(field, points, start, prior_pose, weights, 0) == start).all()
+    assert (refinement.refine(field, points, start, prior_pose, weights, 0) == start).all()
 
 
 @pytest.mark.parametrize(
@@ -378,7 +379,7 @@ def test_without_iterations_the_start_stays() -> None:
 def test_refine_finds_a_shift_of_less_than_a_cell(off: tuple[float, float, float]) -> None:
     true = np.array([52.2, 49.7, 0.4])
     start = true + np.array(off)
-    refined = kernels.refine(FIELD, seen_from(true), start, start, (1e-6, 1e-6), 20)
+    refined = refinement.refine(FIELD, seen_from(true), start, start, (1e-6, 1e-6), 20)
     assert refined[:2] == pytest.approx(true[:2], abs=0.01)
     assert refined[2] == pytest.approx(true[2], abs=0.0005)
 
@@ -388,7 +389,7 @@ def test_what_the_map_leaves_open_is_the_odometrys() -> None:
     true = np.array([55.0, 45.0, 0.0])
     points = seen_from(true)[(WALLS[:, 1] < 36) & (np.abs(WALLS[:, 0] - 55) < 8)]
     prior_pose = true + np.array([0.7, 0.3, 0.0])
-    refined = kernels.refine(FIELD, points, true + 0.2, prior_pose, (0.01, 0.01), 20)
+    refined = refinement.refine(FIELD, points, true + 0.2, prior_pose, (0.01, 0.01), 20)
     assert refined[0] == pytest.approx(prior_pose[0], abs=0.02)
     assert refined[1] == pytest.approx(true[1], abs=0.02)
 
@@ -402,7 +403,7 @@ def test_solve3_as_numpy(damping: float) -> None:
         kept = normal.copy()
         damped = normal + damping * np.diag(np.diag(normal))
         expected = np.linalg.solve(damped, gradient)
-        solved = kernels.solve3(normal, gradient, damping)
+        solved = refinement.solve3(normal, gradient, damping)
         assert damped @ solved == pytest.approx(gradient, rel=1e-3, abs=1e-3)
         assert solved == pytest.approx(expected, rel=1e-3)
         assert (normal == kept).all()
@@ -410,7 +411,7 @@ def test_solve3_as_numpy(damping: float) -> None:
 
 def test_solve3_where_nothing_is_known() -> None:
     # A scan that touches no wall and no weight: no step, rather than a division by zero.
-    assert kernels.solve3(np.zeros((3, 3)), np.zeros(3), 1e-3).tolist() == [0, 0, 0]
+    assert refinement.solve3(np.zeros((3, 3)), np.zeros(3), 1e-3).tolist() == [0, 0, 0]
 
 
 # --- comparing maps

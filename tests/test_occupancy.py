@@ -273,9 +273,9 @@ def test_an_absurd_size_is_refused(far: float) -> None:
 # --- parameters
 
 
-@pytest.mark.parametrize("resolution", [0.0, -0.05, math.nan, math.inf])
-def test_a_resolution_must_be_positive(resolution: float) -> None:
-    with pytest.raises(DataError, match=r"resolution .*expected metres, more than 0"):
+@pytest.mark.parametrize("resolution", [0.0, -0.05, 1e-4, math.nan, math.inf])
+def test_a_resolution_must_be_sane(resolution: float) -> None:
+    with pytest.raises(DataError, match=r"resolution .*expected 0.001 to 100 metres per cell"):
         MapParameters(resolution=resolution)
 
 

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels import matching as kernels
+from mapcli.algorithms._kernels.refinement import refine
 from mapcli.algorithms.occupancy import LEVEL_WIDTHS, OccupancyGrid
 from mapcli.algorithms.perception import Perception
 from mapcli.model.pose import Pose2D
@@ -238,7 +239,7 @@ class _Window:
         p = self.parameters
         slope = p.prior_in_refinement * self.weight / kernels.FULL / p.prior_knee
         weights = (slope * (self.cell / self.spread.xy) ** 2, slope / self.spread.turn**2)
-        refined: NDArray[np.float64] = kernels.refine(
+        refined: NDArray[np.float64] = refine(
             self.grid.fields[0], self.points, pose, start, weights, p.iterations
         )
         return refined

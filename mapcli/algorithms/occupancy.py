@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mapcli.algorithms._kernels.mapping import integrate_beams, update_field
 from mapcli.algorithms.perception import Perception
 from mapcli.errors import DataError
-from mapcli.model.grid import GridMap, crop_to_known
+from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D, wrap_angle
 
 LOG_ODDS_UNIT = 1 / 17
@@ -52,7 +52,7 @@ class MapParameters:
             matched against, and a map that is smeared lets the next poses drift.
 
     Raises:
-        DataError: a resolution that is not positive.
+        DataError: a resolution finer than a millimetre or coarser than 100 m.
     """
 
     resolution: float = 0.05
@@ -65,8 +65,10 @@ class MapParameters:
     update_deg: float = 17.0
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.resolution) and self.resolution > 0):
-            raise DataError(f"resolution {self.resolution:g}", expected="metres, more than 0")
+        if not 0.001 <= self.resolution <= 100:
+            raise DataError(
+                f"resolution {self.resolution:g}", expected="0.001 to 100 metres per cell"
+            )
 
     def bump(self) -> NDArray[np.uint8]:
         """The likelihood field around one wall cell, shape (2 r + 1, 2 r + 1)."""
@@ -169,17 +171,21 @@ class OccupancyGrid:
         update_field(self.fields, LEVEL_WIDTHS, self.log_odds, changed, self._bump)
 
     def to_grid_map(self) -> GridMap:
-        """The obstacle probabilities, cropped to what is known."""
+        """The obstacle probabilities, cropped to what is known and two cells around it."""
         p = self.parameters
+        known = self.log_odds != 0
+        rows, columns = (np.flatnonzero(known.any(axis=axis)) for axis in (1, 0))
+        if not len(rows):
+            return GridMap(np.full((1, 1), np.nan, dtype=np.float32), p.resolution)
+        # MARGIN cells around everything known are in the array, so two always are.
+        v, u = int(rows[0]) - 2, int(columns[0]) - 2
+        part = self.log_odds[v : rows[-1] + 3, u : columns[-1] + 3]
         counts = np.arange(p.lowest, p.highest + 1)
         table = (1 / (1 + np.exp(-counts * LOG_ODDS_UNIT))).astype(np.float32)
         table[-p.lowest] = np.nan
-        cells = table[self.log_odds - p.lowest]
-        if not cells.size:
-            cells = np.full((1, 1), np.nan, dtype=np.float32)
-        scale = self.parameters.resolution
-        whole = GridMap.from_bottom_up(cells, scale, (self._u0 * scale, self._v0 * scale))
-        return crop_to_known(whole, margin=2)
+        # Whole cells times the resolution, without the last bit's noise.
+        corner = (round((self._u0 + u) * p.resolution, 9), round((self._v0 + v) * p.resolution, 9))
+        return GridMap.from_bottom_up(table[part - p.lowest], p.resolution, corner)
 
 
 def _too_large(metres: NDArray[np.float64]) -> DataError:

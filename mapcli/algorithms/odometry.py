@@ -22,8 +22,8 @@ def odometry_at_scans(records: Iterable[Record]) -> Iterator[tuple[RangeScan, Po
         records: in stamp order; poses other than odometry are passed over.
 
     Yields:
-        Scans in order. None where odometry is silent: before its first record, and later than
-        half a second after its last one (in between it is extrapolated).
+        Scans in order. None where odometry is silent: before its first record, and from half a
+        second after a record on (until then it is extrapolated) when none follows in two seconds.
     """
     waiting: deque[RangeScan] = deque()
     known: deque[Odometry] = deque(maxlen=2)

@@ -37,7 +37,8 @@ def integrate_beams(
         ends: shape (n, 2), where they end, in cells.
         hits: the first `hits` beams end at an obstacle, the others in the open.
         rules: (hit, miss, highest, lowest): what a hit adds, what a pass takes, the limits.
-        changed: filled with the (v, u) of the cells that became occupied or ceased to be.
+        changed: filled with the (v, u) of the cells that became occupied or ceased to be; room
+            for all cells that the beams may touch.
 
     Returns:
         How many there are in `changed`.
@@ -45,7 +46,7 @@ def integrate_beams(
     hit, miss, highest, lowest = rules
     columns = log_odds.shape[1]
     cells = log_odds.reshape(-1)  # one index to move along a beam, not two
-    touched = np.empty(1024, np.int64)
+    touched = np.empty(len(changed), np.int64)
     n_touched = 0
     n_changed = 0
     for beam in range(hits):
@@ -61,8 +62,6 @@ def integrate_beams(
             changed[n_changed, 1] = at % columns
             n_changed += 1
         cells[at] = new + SEEN
-        if n_touched == len(touched):
-            touched = np.concatenate((touched, np.empty_like(touched)))
         touched[n_touched] = at
         n_touched += 1
     for beam in range(len(ends)):
@@ -86,8 +85,6 @@ def integrate_beams(
                     changed[n_changed, 1] = at % columns
                     n_changed += 1
                 cells[at] = new + SEEN
-                if n_touched == len(touched):
-                    touched = np.concatenate((touched, np.empty_like(touched)))
                 touched[n_touched] = at
                 n_touched += 1
             if next_u < next_v:

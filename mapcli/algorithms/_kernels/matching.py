@@ -1,4 +1,4 @@
-"""Finding the pose at which a scan fits the map: branch and bound, then Gauss-Newton.
+"""Finding the pose at which a scan fits the map, by branch and bound.
 
 Poses are (u, v, theta) in cells and radians; points are in the robot's frame, in cells. Callers
 see to it that every point of every pose in the window, and the width of the coarsest level beyond
@@ -15,9 +15,6 @@ from numpy.typing import NDArray
 
 FULL = 255.0
 """The field's value on a wall."""
-
-FARTHEST_REFINEMENT = 24.0
-"""Cells that the refinement may move a point: less than `occupancy.MARGIN`."""
 
 Prior = tuple[float, float, float, float]
 
@@ -78,7 +75,6 @@ def total(field: NDArray[np.uint8], places: NDArray[np.int64], offset: int) -> i
     return score
 
 
-@njit(cache=True)
 def search(
     fields: NDArray[np.uint8],
     widths: NDArray[np.int64],
@@ -107,14 +103,30 @@ def search(
     Returns:
         (du, dv, turns, score, sum of the field): du, dv in cells, turns in steps, from `start`.
     """
-    reach, turns = half
     stride, turn_step = steps
     columns = fields.shape[2]
     layers = fields.reshape(fields.shape[0], -1)
-    width = widths[top]
-    side = (2 * reach + 1 + width - 1) // width
+    size = (*half, int(widths[top]))
+    places = turned(points, start, half[1], turn_step, columns)
+    bounds = bound_nodes(layers[top], places, columns, size, prior)
+    # Sorted outside the compiled loops, where a sort alone would take two seconds to compile.
+    order = np.argsort(-bounds, kind="stable")
+    best: NDArray[np.float64] = open_nodes(
+        layers, widths, places, columns, (*size, top, stride), prior, bounds, order
+    )
+    return best
+
+
+@njit(cache=True)
+def turned(
+    points: NDArray[np.float64],
+    start: NDArray[np.float64],
+    turns: int,
+    turn_step: float,
+    columns: int,
+) -> NDArray[np.int64]:
+    """Where the points fall at `start` after each turn, as flat indices: (2 turns + 1, n)."""
     places = np.empty((2 * turns + 1, len(points)), np.int64)
-    bounds = np.empty((2 * turns + 1) * side * side)
     for k in range(2 * turns + 1):
         theta = start[2] + (k - turns) * turn_step
         c, s = cos(theta), sin(theta)
@@ -122,17 +134,62 @@ def search(
             u = start[0] + c * points[p, 0] - s * points[p, 1]
             v = start[1] + s * points[p, 0] + c * points[p, 1]
             places[k, p] = floor(v) * columns + floor(u)
-        for node in range(side * side):
-            dv, du = node // side * width - reach, node % side * width - reach
-            shift = nearest_in(du, width) ** 2 + nearest_in(dv, width) ** 2
-            fit = total(layers[top], places[k], dv * columns + du)
-            bounds[k * side * side + node] = fit - penalty(shift, (k - turns) ** 2, prior)
+    return places
+
+
+@njit(cache=True)
+def node_at(node: int, size: tuple[int, int, int]) -> tuple[int, int, int]:
+    """(du, dv, turn index) of the lowest corner of a largest node; size is (reach, turns, width).
+
+    Nodes are numbered by turn, then dv, then du.
+    """
+    reach, _, width = size
+    side = (2 * reach + width) // width
+    square = node % (side * side)
+    return square % side * width - reach, square // side * width - reach, node // (side * side)
+
+
+@njit(cache=True)
+def bound_nodes(
+    layer: NDArray[np.uint8],
+    places: NDArray[np.int64],
+    columns: int,
+    size: tuple[int, int, int],
+    prior: Prior,
+) -> NDArray[np.float64]:
+    """A bound on the scores in each of the largest nodes; for `layer` see `search`."""
+    reach, turns, width = size
+    side = (2 * reach + width) // width
+    bounds = np.empty((2 * turns + 1) * side * side)
+    for node in range(len(bounds)):
+        du, dv, k = node_at(node, size)
+        shift = nearest_in(du, width) ** 2 + nearest_in(dv, width) ** 2
+        fit = total(layer, places[k], dv * columns + du)
+        bounds[node] = fit - penalty(shift, (k - turns) ** 2, prior)
+    return bounds
+
+
+@njit(cache=True)
+def open_nodes(
+    layers: NDArray[np.uint8],
+    widths: NDArray[np.int64],
+    places: NDArray[np.int64],
+    columns: int,
+    size: tuple[int, int, int, int, int],
+    prior: Prior,
+    bounds: NDArray[np.float64],
+    order: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """Open the largest nodes, best bound first, until none left can win; see `search`.
+
+    `size` is (reach, turns, width of the largest nodes, their level, cells between poses).
+    """
+    reach, turns, width, top, stride = size
     best = np.array([0.0, 0.0, 0.0, -np.inf, 0.0])
-    for node in np.argsort(-bounds):
+    for node in order:
         if bounds[node] <= best[3]:
             break
-        k, square = node // (side * side), node % (side * side)
-        dv, du = square // side * width - reach, square % side * width - reach
+        du, dv, k = node_at(node, (reach, turns, width))
         open_node(
             layers, widths, places[k], columns, (du, dv, k - turns, top), reach, stride, prior, best
         )
@@ -173,124 +230,6 @@ def open_node(
                 else:
                     stack[depth, 0], stack[depth, 1], stack[depth, 2] = du, dv, level - 1
                     depth += 1
-
-
-@njit(cache=True)
-def refine(
-    field: NDArray[np.uint8],
-    points: NDArray[np.float64],
-    start: NDArray[np.float64],
-    prior_pose: NDArray[np.float64],
-    weights: tuple[float, float],
-    iterations: int,
-) -> NDArray[np.float64]:
-    """Levenberg-Marquardt on the bilinear field: the last millimetres.
-
-    Minimises the sum over the points of (1 - field)^2 plus `weights` times the squared distance
-    from `prior_pose`, from `start` on. Never returns a pose worse than `start`, nor one that
-    moves any point more than `FARTHEST_REFINEMENT` cells, beyond which the array may end.
-
-    Args:
-        field: 255 on walls, 0 away from them.
-        points: shape (n, 2).
-        start, prior_pose: (u, v, theta).
-        weights: (per squared cell, per squared radian).
-        iterations: at most.
-    """
-    farthest = np.sqrt((points[:, 0] ** 2 + points[:, 1] ** 2).max())
-    best = start.copy()
-    least, kept_normal, kept_gradient = linearise(field, points, start, prior_pose, weights)
-    damping = 1e-3
-    for _ in range(iterations):
-        step = solve3(kept_normal, kept_gradient, damping)
-        if abs(step[0]) < 1e-3 and abs(step[1]) < 1e-3 and abs(step[2]) < 1e-5:
-            break
-        pose = best + step
-        off = np.abs(pose - start)
-        if off[0] + off[1] + off[2] * farthest > FARTHEST_REFINEMENT:
-            damping *= 10.0
-            continue
-        cost, normal, gradient = linearise(field, points, pose, prior_pose, weights)
-        if cost < least:
-            least = cost
-            best[:] = pose
-            damping *= 0.3
-            kept_normal, kept_gradient = normal, gradient
-        else:
-            damping *= 10.0
-    return best
-
-
-@njit(cache=True)
-def linearise(
-    field: NDArray[np.uint8],
-    points: NDArray[np.float64],
-    pose: NDArray[np.float64],
-    prior_pose: NDArray[np.float64],
-    weights: tuple[float, float],
-) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-    """Cost, normal matrix and gradient of `refine` at a pose."""
-    a = np.zeros((3, 3))
-    g = np.zeros(3)
-    cost = 0.0
-    c, s = cos(pose[2]), sin(pose[2])
-    for p in range(len(points)):
-        x = c * points[p, 0] - s * points[p, 1]
-        y = s * points[p, 0] + c * points[p, 1]
-        u, v = pose[0] + x - 0.5, pose[1] + y - 0.5  # values live at cell centres
-        i, j = floor(u), floor(v)
-        right, up = u - i, v - j
-        m00, m10 = field[j, i] / FULL, field[j, i + 1] / FULL
-        m01, m11 = field[j + 1, i] / FULL, field[j + 1, i + 1] / FULL
-        left_right_low, left_right_high = m10 - m00, m11 - m01
-        low, high = m00 + left_right_low * right, m01 + left_right_high * right
-        r = 1.0 - (low + (high - low) * up)
-        gu = left_right_low + (left_right_high - left_right_low) * up
-        gv = high - low
-        gt = x * gv - y * gu
-        cost += r * r
-        a[0, 0] += gu * gu
-        a[0, 1] += gu * gv
-        a[0, 2] += gu * gt
-        a[1, 1] += gv * gv
-        a[1, 2] += gv * gt
-        a[2, 2] += gt * gt
-        g[0] += gu * r
-        g[1] += gv * r
-        g[2] += gt * r
-    for k in range(3):
-        weight = weights[min(k // 2, 1)]
-        off = prior_pose[k] - pose[k]
-        cost += weight * off * off
-        a[k, k] += weight
-        g[k] += weight * off
-    a[1, 0], a[2, 0], a[2, 1] = a[0, 1], a[0, 2], a[1, 2]
-    return cost, a, g
-
-
-@njit(cache=True)
-def solve3(
-    normal: NDArray[np.float64], gradient: NDArray[np.float64], damping: float
-) -> NDArray[np.float64]:
-    """Solve (normal + damping * its diagonal) x = gradient by Cramer's rule."""
-    a = normal.copy()
-    for k in range(3):
-        a[k, k] += damping * a[k, k] + 1e-9
-    c00 = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]
-    c01 = a[1, 2] * a[2, 0] - a[1, 0] * a[2, 2]
-    c02 = a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]
-    det = a[0, 0] * c00 + a[0, 1] * c01 + a[0, 2] * c02
-    c11 = a[0, 0] * a[2, 2] - a[0, 2] * a[2, 0]
-    c12 = a[0, 1] * a[2, 0] - a[0, 0] * a[2, 1]
-    c22 = a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]
-    b = gradient
-    return np.array(
-        [
-            (c00 * b[0] + c01 * b[1] + c02 * b[2]) / det,
-            (c01 * b[0] + c11 * b[1] + c12 * b[2]) / det,
-            (c02 * b[0] + c12 * b[1] + c22 * b[2]) / det,
-        ]
-    )
 
 
 @njit(cache=True)
