@@ -18,6 +18,7 @@ from mapcli.errors import MapcliError, QualityError
 
 COMMANDS = {
     "slam-replay": "Turn a robot log into a map and a pose trace (Algorithm 9.2).",
+    "frontier": "Explore a map with Algorithm 9.1.",
     "simulate": "Drive a simulated robot through a world and write its log.",
     "import": "Convert a log to MCAP with ROS 2 messages.",
     "convert": "Convert a map from any format to any other.",

@@ -261,23 +261,24 @@ class LiteralFrontier:
 
     def sense(self, number: int) -> None:
         """Lines 10-12."""
-        robot, found = self.robots[number], []
+        robot, found, stayed = self.robots[number], [], []
         passes = lambda c: c in self.world and self.world[c] < self.low  # noqa: E731
         for cell in sorted(self.look(robot.cell, passes)):
             if cell not in self.world:
-                if cell not in self.grid:
+                if self.may_be_learned(cell):
                     self.sensed.add(cell)
+                    stayed.append(cell)
             elif self.grid.get(cell) != self.world[cell]:
                 self.grid[cell] = self.world[cell]
                 found.append((*cell, float(str(self.world[cell]))))
-        self.record(number, robot.kind, found)
+        self.record(number, robot.kind, found, stayed)
 
-    def record(self, number: int, kind: str, found: list[Any]) -> None:
+    def record(self, number: int, kind: str, found: list[Any], stayed: list[Cell]) -> None:
         robot = self.robots[number]
         self.steps.append(
             {
                 "robot": number, "kind": kind, "time": self.time, "from": robot.origin,
-                "goal": robot.cell, "path": robot.walked, "sensed": found,
+                "goal": robot.cell, "path": robot.walked, "sensed": found, "unknowable": stayed,
                 "frontier_size": robot.frontier_size, "priority": robot.priority,
             }
         )  # fmt: skip
@@ -306,7 +307,7 @@ class LiteralFrontier:
         for number, robot in enumerate(self.robots):
             if robot.walked:
                 robot.priority = None
-                self.record(number, "stop", [])
+                self.record(number, "stop", [], [])
         return self
 
     def move(self) -> None:

@@ -68,6 +68,7 @@ def as_records(exploration: Exploration) -> list[dict[str, Any]]:
                 (*c, float(str(p)))
                 for c, p in zip(s.cells.tolist(), s.probabilities, strict=True)
             ],
+            "unknowable": [tuple(c) for c in s.unknowable.tolist()],
             "frontier_size": s.frontier_size, "priority": s.priority,
         }
         for s in exploration.steps

@@ -96,7 +96,9 @@ def read_steps(field: Field, trace: Trace) -> StepColumns:
     paths, path_end = _gathered(trace.paths, columns["path_begin"], columns["path_end"])
     sensed, sensed_end = _gathered(trace.sensed, columns["sensed_begin"], columns["sensed_end"])
     step_of = np.repeat(np.arange(count), np.diff(sensed_end, prepend=0))
-    sensed = sensed[np.lexsort((sensed, step_of))]
+    order = np.lexsort((np.abs(sensed), step_of))
+    sensed, step_of = sensed[order], step_of[order]
+    stayed = sensed < 0
     moves = columns["moves"]
     priority = np.full(count, np.nan)
     np.divide(columns["worth"], moves, out=priority, where=moves > 0)
@@ -110,9 +112,11 @@ def read_steps(field: Field, trace: Trace) -> StepColumns:
         priority=priority,
         path=cells_of(field, paths),
         path_end=path_end,
-        cells=cells_of(field, sensed),
-        probabilities=np.asarray(field.truth)[sensed],
-        sensed_end=sensed_end,
+        cells=cells_of(field, sensed[~stayed]),
+        probabilities=np.asarray(field.truth)[sensed[~stayed]],
+        sensed_end=np.searchsorted(step_of[~stayed], np.arange(count), side="right"),
+        unknowable=cells_of(field, -sensed[stayed]),
+        unknowable_end=np.searchsorted(step_of[stayed], np.arange(count), side="right"),
     )
 
 

@@ -75,7 +75,7 @@ class Field(NamedTuple):
 
 
 def learn(field: Field, cell: int) -> bool:
-    """Line 12: mark grid(cell) with what was sensed. True when the grid changed there.
+    """Line 12: mark grid(cell) with what was sensed. True when that changed anything.
 
     The world wins over what was believed; a cell that the world does not know stays as it is.
     """
@@ -84,7 +84,7 @@ def learn(field: Field, cell: int) -> bool:
         if before == UNKNOWN:
             field.known[cell] = UNKNOWABLE
             field.counts[CHANGES] += 1
-        return False
+        return before == UNKNOWN
     if before == found and field.grid[cell] == field.truth[cell]:
         return False
     field.counts[CHANGES] += 1

@@ -48,7 +48,7 @@ class Robots(NamedTuple):
 
 class Trace(NamedTuple):
     """What happened, in columns: one entry per step (int64), and the cells of all paths and of
-    everything sensed, one after the other (int64).
+    everything sensed, one after the other (int64), with a minus where a cell stayed unknown.
 
     Attributes:
         robot, kind, time, origin, goal, frontier, worth, moves: of each step.

@@ -22,6 +22,7 @@ from mapcli.algorithms.field import (
     FRONTIER_SIZE,
     KNOWN_EXPLORABLE,
     OPEN,
+    UNKNOWABLE,
     Field,
     learn,
     unknown_neighbours,
@@ -176,8 +177,10 @@ def sense(field: Field, sight: Sight, robots: Robots, trace: Trace, robot: int) 
     for k in range(look(field, sight, field.world, THROUGH_OPEN, robots.cell[robot])):
         cell = sight.seen[k]
         before = field.known[cell]
-        if learn(field, cell):
-            trace.sensed[free + sensed] = cell
+        has_changed = learn(field, cell)
+        if has_changed:
+            # A minus says that the cell stayed unknown.
+            trace.sensed[free + sensed] = -cell if field.known[cell] == UNKNOWABLE else cell
             sensed += 1
         if field.known[cell] != before:
             refresh_around(field, cell)

@@ -36,6 +36,8 @@ class Step:
         origin, goal: where it comes from and gets to.
         path: cells passed, without `origin`, with `goal`, shape (n, 2).
         cells, probabilities: what became known, shapes (k, 2) and (k,).
+        unknowable: cells that were sensed and stayed unknown, since the world does not know
+            them, shape (m, 2).
         frontier_size: of the frontier when the goal was chosen.
         priority: worth of the goal per path length when it was chosen; None at distance 0, and
             where there was nothing to choose.
@@ -49,6 +51,7 @@ class Step:
     path: NDArray[np.int32]
     cells: NDArray[np.int32]
     probabilities: NDArray[np.float32]
+    unknowable: NDArray[np.int32]
     frontier_size: int
     priority: float | None
 
@@ -63,6 +66,7 @@ class StepColumns(Sequence[Step]):
         priority: NaN for None, shape (n,).
         path, path_end: all paths one after the other, shape (p, 2), and where each ends.
         cells, probabilities, sensed_end: the same of what became known.
+        unknowable, unknowable_end: the same of what was sensed and stayed unknown.
     """
 
     robot: NDArray[np.int64]
@@ -77,6 +81,8 @@ class StepColumns(Sequence[Step]):
     cells: NDArray[np.int32]
     probabilities: NDArray[np.float32]
     sensed_end: NDArray[np.int64]
+    unknowable: NDArray[np.int32]
+    unknowable_end: NDArray[np.int64]
 
     def __len__(self) -> int:
         return len(self.robot)
@@ -89,19 +95,29 @@ class StepColumns(Sequence[Step]):
         if isinstance(index, slice):
             return [self[k] for k in range(*index.indices(len(self)))]
         k = range(len(self))[index]
-        path = slice(self.path_end[k - 1] if k else 0, self.path_end[k])
-        sensed = slice(self.sensed_end[k - 1] if k else 0, self.sensed_end[k])
         priority = float(self.priority[k])
+        sensed = part(k, self.sensed_end)
         return Step(
             int(self.robot[k]), KINDS[self.kind[k]], int(self.time[k]),
             (int(self.origin[k, 0]), int(self.origin[k, 1])),
             (int(self.goal[k, 0]), int(self.goal[k, 1])),
-            self.path[path], self.cells[sensed], self.probabilities[sensed],
+            self.path[part(k, self.path_end)], self.cells[sensed], self.probabilities[sensed],
+            self.unknowable[part(k, self.unknowable_end)],
             int(self.frontier_size[k]), None if np.isnan(priority) else priority,
         )  # fmt: skip
 
     def __iter__(self) -> Iterator[Step]:
         return (self[k] for k in range(len(self)))
+
+
+def part(k: int, ends: NDArray[np.int64]) -> slice:
+    """Where step k's part of a column is, by where the parts end."""
+    return between(k, k + 1, ends)
+
+
+def between(first: int, last: int, ends: NDArray[np.int64]) -> slice:
+    """Where the parts of the steps from `first` up to `last` (excluded) are."""
+    return slice(int(ends[first - 1]) if first else 0, int(ends[last - 1]) if last else 0)
 
 
 @dataclass(frozen=True)
@@ -230,11 +246,14 @@ def coverage_curve(exploration: Exploration) -> CoverageCurve:
 
 def move_lengths(steps: StepColumns) -> NDArray[np.float64]:
     """Length in cells of each move of all paths, shape (p,): 1, or the root of 2."""
-    if len(steps.path) == 0:
-        return np.zeros(0)
+    away = np.abs(steps.path - cells_before(steps))
+    return np.asarray(np.hypot(away[:, 0], away[:, 1]))
+
+
+def cells_before(steps: StepColumns) -> NDArray[np.int32]:
+    """Where each move of all paths began, shape (p, 2)."""
     before = np.vstack([steps.path[:1], steps.path[:-1]])
-    begins = np.concatenate([[0], steps.path_end[:-1]])
+    begins = np.concatenate([[0], steps.path_end])[:-1]
     moving = steps.path_end > begins
     before[begins[moving]] = steps.origin[moving]
-    away = np.abs(steps.path - before)
-    return np.asarray(np.hypot(away[:, 0], away[:, 1]))
+    return before

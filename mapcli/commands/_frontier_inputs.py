@@ -1,0 +1,94 @@
+"""What `mapcli frontier` reads: the world, what is known of it, and where the robots stand."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from mapcli.algorithms.explore import contradictions
+from mapcli.formats.grey import Dialect
+from mapcli.formats.maps import load_map, read_file
+from mapcli.model.exploration import Cell
+from mapcli.model.grid import GridMap
+from mapcli.model.log import counted
+
+
+@dataclass(frozen=True)
+class Mission:
+    """Where to explore, and from where.
+
+    Attributes:
+        source: WORLD as the user named it.
+        world, known: the maps.
+        robots: their cells.
+        inputs: file name -> SHA-256, for the trace.
+    """
+
+    source: str
+    world: GridMap
+    known: GridMap | None
+    robots: tuple[Cell, ...]
+    inputs: dict[str, str]
+
+
+def load_mission(
+    world: str,
+    known: str | None,
+    cells: Sequence[Cell],
+    points: Sequence[tuple[float, float]],
+    dialect: Dialect,
+    *,
+    quiet: bool,
+) -> Mission:
+    """Read the maps, and warn on stderr about what is odd in them.
+
+    Raises:
+        FormatError: a file that holds no map.
+        click.UsageError: no robot.
+    """
+    if not cells and not points:
+        raise click.UsageError("Where does the robot stand? Add --robot ROW,COL or --robot-xy X,Y.")
+    digests: dict[str, str] = {}
+    grid = _load(world, dialect, digests, quiet=quiet)
+    told = _load(known, dialect, digests, quiet=quiet) if known is not None else None
+    placed = grid.cells_of_world(points).tolist() if points else []
+    robots = (*cells, *((row, column) for row, column in placed))
+    return Mission(world, grid, told, robots, digests)
+
+
+def _load(file: str, dialect: Dialect, digests: dict[str, str], *, quiet: bool) -> GridMap:
+    def reading(path: Path) -> bytes:
+        data = read_file(path)
+        digest = hashlib.sha256(data).hexdigest()
+        is_other = digests.get(path.name, digest) != digest
+        digests[f"{path.parent.name}/{path.name}" if is_other else path.name] = digest
+        return data
+
+    loaded = load_map(file, dialect=dialect, read=reading)
+    for warning in () if quiet else loaded.warnings:
+        click.echo(f"Warning: {file}: {warning}", err=True)
+    return loaded.grid
+
+
+def warn_about_known(mission: Mission, known: str, low: float) -> None:
+    """Say on stderr where what is known does not fit the world."""
+    if mission.known is None or mission.known.cells.shape != mission.world.cells.shape:
+        return
+    wrong = contradictions(mission.world, mission.known, low)
+    if wrong:
+        click.echo(
+            f"Warning: {known}: {counted(wrong, 'cells')} at odds with {mission.source} (open "
+            "against obstacle); where they are sensed, the latter wins",
+            err=True,
+        )
+    place, told = (mission.world.resolution, mission.world.origin), mission.known
+    if (told.resolution, told.origin) != place:
+        click.echo(
+            f"Warning: {known}: has another resolution or origin than {mission.source}, whose "
+            "cells it is taken to be",
+            err=True,
+        )
