@@ -82,8 +82,8 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_slip_of_the_pen(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("slam-repaly", "a.mcap") == 2
     assert "No such command 'slam-repaly'. Did you mean 'slam-replay'?" in capsys.readouterr().err
-    assert run("frobnicate") == 2
-    assert capsys.readouterr().err.endswith("No such command 'frobnicate'.\n")
+    assert run("xyzzy") == 2
+    assert capsys.readouterr().err.endswith("No such command 'xyzzy'.\n")
 
 
 def completion(**environment: str) -> str:
