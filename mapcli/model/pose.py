@@ -48,6 +48,8 @@ class Pose2D:
 
     def apply(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points, shape (n, 2), from this pose's frame into its parent's."""
+        if self == IDENTITY:
+            return points.astype(np.float64)
         cos, sin = math.cos(self.theta), math.sin(self.theta)
         x, y = points[:, 0], points[:, 1]
         # Written out: a matrix product would go through BLAS, whose rounding varies by machine.
@@ -59,6 +61,10 @@ class Pose2D:
     def distance(self, other: Pose2D) -> float:
         """Metres between the two positions."""
         return math.hypot(other.x - self.x, other.y - self.y)
+
+
+IDENTITY = Pose2D()
+"""Most lasers are mounted like this."""
 
 
 def interpolate(a: Pose2D, b: Pose2D, fraction: float) -> Pose2D:
