@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -322,7 +323,8 @@ def test_a_map_of_absurd_size(capsys: pytest.CaptureFixture[str]) -> None:
     far = Mount(Pose2D(1e6, 0, 0))
     scans = {k: {"mount": far} for k in range(50)}
     assert replay(write_log("a.mcap", with_scans(scans))) == 1
-    assert complaint(capsys).startswith("Error: a.mcap: the map would be 2,000,0")
+    sentence = r"Error: a\.mcap: the map would be [\d,]{7,} m x [\d,]{7,} m; expected .*"
+    assert re.fullmatch(sentence, complaint(capsys))
 
 
 # Wishes that cannot be granted are refused before the work
@@ -339,7 +341,7 @@ def test_a_map_of_absurd_size(capsys: pytest.CaptureFixture[str]) -> None:
         (["--png", "m.pgm", "--map", "m.yaml"], "Two results cannot both be written to m.pgm."),
         (["--json", "a", "--mcap", "./a"], "Two results cannot both be written to ./a."),
         (["--range-min", "3", "--range-max", "2"], "--range-max is not more than --range-min."),
-        (["--resolution", "0"], "0.0 is not in the range x>0."),
+        (["--resolution", "0"], "0.0 is not in the range 0.001<=x<=100."),
         (["--resolution", "nan"], "'nan' is not a finite number."),
         (["--window-xy", "inf"], "'inf' is not a finite number."),
         (["--step-xy", "-1"], "-1.0 is not in the range x>0."),
@@ -350,7 +352,7 @@ def test_a_map_of_absurd_size(capsys: pytest.CaptureFixture[str]) -> None:
         (["--start", "5", "--end", "4"], "--end is before --start."),
         (["--every", "0"], "0 is not in the range x>=1."),
     ],
-    ids=" ".join,
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
 def test_wrong_usage(
     arguments: list[str], problem: str, capsys: pytest.CaptureFixture[str]

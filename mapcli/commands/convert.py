@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from mapcli.commands._map_options import dialect_option
-from mapcli.commands._options import FILE, POSE, common_options, no_clobber_option
+from mapcli.commands._options import FILE, POSE, Number, common_options, no_clobber_option
 from mapcli.commands._output import write_bytes, write_files
 from mapcli.errors import DataError, OutputError
 from mapcli.formats.grey import MODES
@@ -16,7 +16,7 @@ from mapcli.formats.map_output import FORMATS, SUFFIXES, SaveOptions, dump_map
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 
-SHARE = click.FloatRange(0, 1)
+SHARE = Number(0, 1)
 DEFAULTS = SaveOptions()
 
 

@@ -20,6 +20,7 @@ from mapcli.commands._options import (
     NOT_NEGATIVE,
     POSITIVE,
     Command,
+    Number,
     common_options,
     no_clobber_option,
 )
@@ -70,7 +71,7 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 @click.option("--trace", metavar="F", type=FILE, help="The pose trace: .tum, .kitti, .g2o, .csv.")
 @click.option("--mcap", metavar="F", type=FILE, help="Map and poses as ROS 2 messages.")
 @log_input_options
-@_option("--resolution", MAP.resolution, "Metres per cell.", type=click.FloatRange(0.001, 100))
+@_option("--resolution", MAP.resolution, "Metres per cell.", type=Number(0.001, 100))
 @click.option("--range-min", type=POSITIVE, help="Leave out readings closer than this, metres.  "
               "[default: the sensor's]")  # fmt: skip
 @click.option("--range-max", type=POSITIVE, help="Take readings farther than this, metres, for no "
