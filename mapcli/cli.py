@@ -102,6 +102,14 @@ def main(args: Sequence[str] | None = None) -> None:
             traceback.print_exc()
         click.echo(f"Error: {describe(error)}", err=True)
         sys.exit(EXIT_QUALITY if isinstance(error, QualityError) else EXIT_DATA)
+    except Exception as error:
+        if debug:
+            traceback.print_exc()
+        name = type(error).__name__
+        click.echo(
+            f"Error: a fault in mapcli: {name}: {describe(error)} (--debug says more)", err=True
+        )
+        sys.exit(EXIT_DATA)
 
 
 def describe(error: BaseException) -> str:
@@ -111,4 +119,4 @@ def describe(error: BaseException) -> str:
         return f"{place}{error.strerror.lower()}"
     if isinstance(error, MemoryError):
         return f"out of memory{f': {error}' if str(error) else ''}"
-    return str(error)
+    return " ".join(str(error).split())
