@@ -184,6 +184,7 @@ class _Window:
         self.predicted = predicted
         self.cell = grid.parameters.resolution
         self.points = points / self.cell
+        self.radius = math.sqrt(float((points[:, 0] ** 2 + points[:, 1] ** 2).max()))
         self.turn_step = math.radians(parameters.step_theta_deg)
         stride = 1 if parameters.step_xy is None else round(parameters.step_xy / self.cell)
         self.stride = max(1, stride)
@@ -230,9 +231,10 @@ class _Window:
 
     def _cover(self, half_xy: float, half_turn: float) -> None:
         """Make the map hold every point of every pose in the window."""
+        slack = half_xy + self.cell + self.radius * (half_turn + self.turn_step)
+        if self.grid.holds(self.predicted, self.radius + slack):
+            return
         points = self.predicted.apply(self.points * self.cell)
-        swing = float(np.hypot(*self.points.T).max()) * self.cell * (half_turn + self.turn_step)
-        slack = half_xy + self.cell + swing
         self.grid.cover(points.min(axis=0) - slack, points.max(axis=0) + slack)
 
     def _refine(self, pose: NDArray[np.float64], start: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -111,6 +111,13 @@ class OccupancyGrid:
         u, v, theta = (float(value) for value in cells)
         return Pose2D((u + self._u0) * scale, (v + self._v0) * scale, wrap_angle(theta))
 
+    def holds(self, centre: Pose2D, radius: float) -> bool:
+        """Whether the array holds a circle, metres, as `cover` would have it."""
+        scale, edge = self.parameters.resolution, MARGIN + len(self._bump) + 1
+        u, v, reach = centre.x / scale - self._u0, centre.y / scale - self._v0, radius / scale
+        rows, columns = self.log_odds.shape
+        return min(u, v) - reach >= edge and u + reach < columns - edge and v + reach < rows - edge
+
     def cover(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
         """Make the array hold the world rectangle from `low` to `high`, each (x, y), metres.
 

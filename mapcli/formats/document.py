@@ -39,9 +39,26 @@ def document(
 
 
 def json_bytes(content: Any) -> bytes:
-    """JSON as mapcli writes it: UTF-8, indented, shortest numbers, a newline at the end."""
-    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
-    return f"{text}\n".encode()
+    """JSON as mapcli writes it: UTF-8, shortest numbers, one item of a long list to a line."""
+    if not isinstance(content, dict):
+        return f"{_indented(content)}\n".encode()
+    items = [f" {_dumps(key)}: {_value(value)}" for key, value in content.items()]
+    return ("{\n" + ",\n".join(items) + "\n}\n").encode()
+
+
+def _value(value: Any) -> str:
+    """A list of objects, such as poses, with a line for each; anything else indented."""
+    if value and isinstance(value, list) and all(isinstance(item, dict) for item in value):
+        return "[\n" + ",\n".join(f"  {_dumps(item)}" for item in value) + "\n ]"
+    return _indented(value).replace("\n", "\n ")
+
+
+def _dumps(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
+def _indented(value: Any) -> str:
+    return json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False)
 
 
 def read_document(data: bytes, file: str, form: str) -> dict[str, Any]:
