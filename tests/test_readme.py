@@ -128,6 +128,16 @@ def test_links_and_pictures_are_there() -> None:
         assert (ROOT / target).exists(), target
 
 
+def test_figures_are_those_that_were_measured() -> None:
+    results = (ROOT / "benchmarks" / "RESULTS.md").read_text()
+    rows = [line for line in README.splitlines() if line.startswith("| **mapcli**")]
+    (simulated,) = re.findall(r"^.*mapcli is [\d.]+ m off.*$", README, re.MULTILINE)
+    figures = re.findall(r"\d+\.\d+", " ".join([simulated, *rows]))
+    assert len(figures) == 12
+    for figure in figures:
+        assert figure in results, figure
+
+
 def rewrite() -> None:
     """Put the real output and the real picture in their places."""
     with tempfile.TemporaryDirectory() as folder:
