@@ -9,8 +9,7 @@ from pathlib import Path
 import click
 
 from mapcli.algorithms.explore import ExploreParameters
-from mapcli.commands._output import check_output, write_bytes, write_files
-from mapcli.errors import OutputError
+from mapcli.commands._output import check_outputs, write_bytes, write_files
 from mapcli.model.exploration import Exploration, coverage_curve
 from mapcli.model.grid import GridMap
 
@@ -46,7 +45,7 @@ class ExploreOutputs:
         return "-" in self.named().values()
 
 
-def check_outputs(
+def check_frontier_outputs(
     outputs: ExploreOutputs,
     strategies: Sequence[str],
     inputs: Sequence[str | None],
@@ -69,18 +68,8 @@ def check_outputs(
     if plan and (outputs.gif or outputs.curve):
         option = "--gif" if outputs.gif else "--curve"
         raise click.UsageError(f"{option} shows motion, and with --plan nobody moves.")
-    sources = {Path(name).resolve() for name in inputs if name not in (None, "-")}
-    taken: set[str | Path] = set()
-    for option, name in named.items():
-        for file in files_of(option, name, strategies):
-            place = file if file == "-" else Path(file).resolve()
-            if place in taken:
-                where = "standard output" if file == "-" else file
-                raise click.UsageError(f"Two results cannot both be written to {where}.")
-            if place in sources:
-                raise OutputError("is one of the maps to be read", file=file)
-            taken.add(place)
-            check_output(file, no_clobber=no_clobber)
+    files = [f for option, name in named.items() for f in files_of(option, name, strategies)]
+    check_outputs(files, filter(None, inputs), "maps", no_clobber=no_clobber)
 
 
 def files_of(option: str, name: str, strategies: Sequence[str]) -> list[str]:

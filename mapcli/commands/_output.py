@@ -71,6 +71,31 @@ def check_output(path: str | Path, *, no_clobber: bool = False) -> None:
         raise OutputError(f"cannot be written: {error.strerror}", file=path) from error
 
 
+def check_outputs(
+    files: Iterable[str], inputs: Iterable[str], kind: str, *, no_clobber: bool = False
+) -> None:
+    """Say early what is wrong with all the files of a run.
+
+    Args:
+        files: the files to be written; inputs: those to be read, of the kind "logs" or "maps".
+
+    Raises:
+        click.UsageError: two results for one file.
+        OutputError: one of the inputs, or as of `check_output`.
+    """
+    sources = {Path(name).resolve() for name in inputs if name != "-"}
+    taken: set[str | Path] = set()
+    for name in files:
+        place = name if name == "-" else Path(name).resolve()
+        if place in taken:
+            where = "standard output" if name == "-" else name
+            raise click.UsageError(f"Two results cannot both be written to {where}.")
+        if place in sources:
+            raise OutputError(f"is one of the {kind} to be read", file=name)
+        taken.add(place)
+        check_output(name, no_clobber=no_clobber)
+
+
 def write_bytes(path: str | Path, data: bytes, *, no_clobber: bool = False) -> None:
     """Write a whole file, or nothing (see `output_file`)."""
     with output_file(path, no_clobber=no_clobber) as file:

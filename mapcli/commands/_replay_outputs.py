@@ -9,8 +9,7 @@ from typing import Any
 
 import click
 
-from mapcli.commands._output import check_output, output_file, write_bytes, write_files
-from mapcli.errors import OutputError
+from mapcli.commands._output import check_outputs, output_file, write_bytes, write_files
 from mapcli.formats.map_output import SUFFIXES, SaveOptions, dump_map
 from mapcli.formats.trajectory import WRITERS, dump_trajectory
 from mapcli.model.grid import GridMap
@@ -61,7 +60,7 @@ def default_folder(log: str) -> str:
     return f"{name}-slam"
 
 
-def check_outputs(outputs: ReplayOutputs, logs: Sequence[str], *, no_clobber: bool) -> None:
+def check_replay_outputs(outputs: ReplayOutputs, logs: Sequence[str], *, no_clobber: bool) -> None:
     """Say early, before minutes of work, what is wrong with the files asked for.
 
     Raises:
@@ -72,17 +71,7 @@ def check_outputs(outputs: ReplayOutputs, logs: Sequence[str], *, no_clobber: bo
         raise click.UsageError(f"--map {outputs.map}: does not end in {', '.join(SUFFIXES)}.")
     if outputs.trace not in (None, "-") and _suffix(outputs.trace) not in WRITERS:
         raise click.UsageError(f"--trace {outputs.trace}: does not end in {', '.join(WRITERS)}.")
-    inputs = {Path(log).resolve() for log in logs if log != "-"}
-    taken = set()
-    for name in outputs.names():
-        place = "-" if name == "-" else Path(name).resolve()
-        if place in taken:
-            where = "standard output" if name == "-" else name
-            raise click.UsageError(f"Two results cannot both be written to {where}.")
-        if place in inputs:
-            raise OutputError("is one of the logs to be read", file=name)
-        taken.add(place)
-        check_output(name, no_clobber=no_clobber)
+    check_outputs(outputs.names(), logs, "logs", no_clobber=no_clobber)
 
 
 def _suffix(name: str | None) -> str:

@@ -18,7 +18,7 @@ from mapcli.commands._frontier_inputs import Mission, load_mission, warn_about_k
 from mapcli.commands._frontier_outputs import (
     ExploreOutputs,
     Runs,
-    check_outputs,
+    check_frontier_outputs,
     write_outputs,
 )
 from mapcli.commands._frontier_report import (
@@ -103,7 +103,7 @@ def command(
     """
     outputs = ExploreOutputs(json, png, gif, map_, curve)
     chosen = tuple(dict.fromkeys(strategies))
-    check_outputs(outputs, chosen, (world, known), plan=plan, no_clobber=no_clobber)
+    check_frontier_outputs(outputs, chosen, (world, known), plan=plan, no_clobber=no_clobber)
     mission = load_mission(world, known, cells, points, dialect, quiet=quiet)
     usual = ExploreParameters(connectivity=8 if connectivity == "8" else 4, **parameters)
     if known is not None and not quiet:

@@ -27,7 +27,7 @@ from mapcli.commands._options import (
 from mapcli.commands._output import progress
 from mapcli.commands._replay_outputs import (
     ReplayOutputs,
-    check_outputs,
+    check_replay_outputs,
     default_folder,
     report,
     write_outputs,
@@ -118,7 +118,7 @@ def command(
         usual = asdict(ReplayOutputs.in_folder(folder or default_folder(logs[0])))
         named = {key: value for key, value in asdict(outputs).items() if value}
         outputs = ReplayOutputs(**{**usual, **named})
-    check_outputs(outputs, logs, no_clobber=no_clobber)
+    check_replay_outputs(outputs, logs, no_clobber=no_clobber)
     parameters = slam_parameters(**model)
     replay = Replay(log_input.open(logs), log_input, parameters)
     replay.run(quiet=quiet)
