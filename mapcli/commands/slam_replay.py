@@ -87,7 +87,12 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 @_option("--window-theta-deg", MATCH.window_theta_deg, "The same for the heading, degrees.",
          type=NOT_NEGATIVE)  # fmt: skip
 @click.option("--step-xy", type=POSITIVE, help="Metres between test positions.  [default: a cell]")
-@_option("--step-theta-deg", MATCH.step_theta_deg, "Degrees between test headings.", type=POSITIVE)
+@_option(
+    "--step-theta-deg",
+    MATCH.step_theta_deg,
+    "Degrees between test headings.",
+    type=Number(0.01, 90),
+)
 @click.option("--no-loop-closing", is_flag=True, help="Accepted for scripts: this version does "
               "not close loops, so large ones may not meet.")  # fmt: skip
 @click.option("--fail-if", "limits", type=LimitType(), multiple=True,
