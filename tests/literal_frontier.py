@@ -62,7 +62,7 @@ class LiteralFrontier:
         self.robots = [Robot(cell, origin=cell) for cell in robots]
         self.steps: list[dict[str, Any]] = []
         self.time = 0
-        self.lookouts: set[Cell] = set()
+        self.lookouts: dict[Cell, Cell] = {}
         if not self.grid:
             for robot in self.robots:
                 robot.goal, robot.kind = robot.cell, "start"
@@ -185,7 +185,7 @@ class LiteralFrontier:
         own = [c for c in free if is_nearest(c)]
         candidates = own or free
         if not candidates:
-            if self.radius:
+            if self.radius > 0.5:
                 self.go_to_lookout(robot, mine, taken)
             return
         frontier_size = len(self.frontier())
@@ -205,33 +205,51 @@ class LiteralFrontier:
     def go_to_lookout(self, robot: Robot, mine: dict[Cell, int], taken: set[Cell | None]) -> None:
         """To the nearest place where the robot fits and sees an unknown cell at the frontier."""
         for listing in range(2):
-            fit = [c for c in self.lookouts if c in mine and not self.is_crowded(c)]
-            for cell in sorted(fit, key=lambda c: (mine[c], c)):
-                if cell in taken:
-                    continue
-                if self.looks_at(cell):
-                    robot.goal, robot.kind = cell, "lookout"
-                    robot.ahead = self.path(cell, mine)
-                    robot.frontier_size, robot.priority = len(self.frontier()), None
-                    self.stop_before_bump(robot)
-                    return
-                self.lookouts.remove(cell)
+            fit = [c for c in self.lookouts if c in mine and self.is_lookout(c)]
+            free = [c for c in fit if c not in taken]
+            if free:
+                robot.goal = min(free, key=lambda c: (mine[c], c))
+                robot.kind, robot.ahead = "lookout", self.path(robot.goal, mine)
+                robot.frontier_size, robot.priority = len(self.frontier()), None
+                self.stop_before_bump(robot)
+                return
             if listing == 0:
                 self.list_lookouts()
 
-    def looks_at(self, cell: Cell) -> list[Cell]:
-        """Unknown neighbours of the frontier that a robot at a cell is sure to see."""
-        seen = self.look(cell, self.is_open)
-        return [
-            c for c in seen
-            if self.may_be_learned(c) and any(self.is_open(n) for n in self.neighbours(c))
-        ]  # fmt: skip
+    def is_lookout(self, cell: Cell) -> bool:
+        seen = self.lookouts.get(cell)
+        return seen is not None and self.may_be_learned(seen) and not self.is_crowded(cell)
 
     def list_lookouts(self) -> None:
-        for cell in self.all_cells():
-            if self.may_be_learned(cell) and any(self.is_open(n) for n in self.neighbours(cell)):
-                seen = self.look(cell, self.is_open)
-                self.lookouts |= {c for c in seen if self.is_open(c) and not self.is_crowded(c)}
+        """Cell -> an unknown neighbour of the frontier that is seen from there."""
+        for cell in self.frontier():
+            for unknown in filter(self.may_be_learned, self.neighbours(cell)):
+                for place in self.all_cells():
+                    fits = self.is_open(place) and not self.is_crowded(place)
+                    if fits and not self.is_lookout(place) and self.sees(place, cell, unknown):
+                        self.lookouts[place] = unknown
+
+    def sees(self, place: Cell, cell: Cell, unknown: Cell) -> bool:
+        """Whether a ray from the middle of a place gets to one of three points of the edge between
+        two cells, coming through the first; it may graze corners on one side."""
+        if self.range == 1:
+            return max(abs(place[0] - unknown[0]), abs(place[1] - unknown[1])) == 1
+        if sum((a - b) ** 2 for a, b in zip(place, unknown, strict=True)) > self.range**2:
+            return False
+        for point in (Fraction(0), Fraction(-1, 3), Fraction(1, 3)):
+            rows, columns = (Fraction(a + b, 2) for a, b in zip(cell, unknown, strict=True))
+            if cell[0] == unknown[0]:
+                rows += point
+            else:
+                columns += point
+            down, right = rows - place[0], columns - place[1]
+            for nudge in (Fraction(1, 10**6), Fraction(-1, 10**6)):
+                # To one side or the other, at right angles.
+                line = (down + nudge * right, right - nudge * down)
+                shown = follow_line(place, *line, self.is_open)
+                if cell in [place, *shown] and unknown in shown:
+                    return True
+        return False
 
     def stop_before_bump(self, robot: Robot) -> None:
         here = robot.cell
@@ -248,7 +266,7 @@ class LiteralFrontier:
         if robot.kind == "frontier":
             return robot.goal in self.frontier() and fits
         if robot.kind == "lookout":
-            return bool(self.looks_at(robot.goal)) and fits
+            return fits and self.is_lookout(robot.goal)
         return robot.kind != "blocked" or self.is_open(robot.bump)
 
     # --- sensing ------------------------------------------------------------------------------
@@ -361,3 +379,25 @@ def follow_ray(
             if not passes(cell):
                 return seen
     return seen
+
+
+def follow_line(origin: Cell, down: Fraction, right: Fraction, passes: Any) -> list[Cell]:
+    """Cells that a ray enters, one after the other, up to a little beyond (down, right) from the
+    middle of a cell, or to the first one that it does not pass."""
+    row, column, shown = origin[0], origin[1], []
+    half, beyond = Fraction(1, 2), Fraction(1001, 1000)
+    while True:
+        # The share of the way at which the ray leaves the cell over its row's or column's edge.
+        over_row = (row - origin[0] + half * (1 if down > 0 else -1)) / down if down else beyond
+        over_column = (
+            (column - origin[1] + half * (1 if right > 0 else -1)) / right if right else beyond
+        )
+        if min(over_row, over_column) >= beyond:
+            return shown
+        if over_row < over_column:
+            row += 1 if down > 0 else -1
+        else:
+            column += 1 if right > 0 else -1
+        shown.append((row, column))
+        if not passes((row, column)):
+            return shown

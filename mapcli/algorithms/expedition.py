@@ -55,12 +55,14 @@ ROUNDS = 5000
 """Rounds of Algorithm 9.1 between two looks at the progress, and at Ctrl-C."""
 
 
+LARGE = 20_000
+"""Cells; plain Python explores a smaller map before numba would have been imported."""
+
+
 def is_large(grid: GridMap, parameters: ExploreParameters) -> bool:
-    """Whether compiled loops pay for importing them (about half a second)."""
-    work = 1 if parameters.sensor_range == 1 else 8
-    if parameters.strategy == "gain":
-        work *= work
-    return grid.cells.size * work > 20_000
+    """Whether compiled loops pay for importing them (most of a second)."""
+    work = 8 if parameters.strategy == "gain" else 1
+    return grid.cells.size * work > LARGE
 
 
 class Expedition:
@@ -148,8 +150,8 @@ class Expedition:
             progress,
         )  # fmt: skip
         if wanted.return_home:
-            (homes,) = self.views((self.homes,))
             go_home, state = self.call(homecoming.go_home), frontier.MORE
+            homes = self.homes if self.compiled else self.homes.data
             while state != frontier.ENDED:
                 state = go_home(self.field, self.planner, self.robots, self.trace, homes)
                 self.make_room(state)

@@ -50,14 +50,15 @@ class ExploreParameters:
     return_home: bool = False
 
     def __post_init__(self) -> None:
+        steps, metres, share = self.max_steps, self.max_distance, self.coverage
         ranges: tuple[tuple[str, float | None, bool, str], ...] = (
             ("low", self.low, 0 < self.low <= 1, "more than 0 and at most 1"),
             ("sensor range", self.sensor_range, self.sensor_range >= 1, "1 cell or more"),
             ("connectivity", self.connectivity, self.connectivity in (4, 8), "4 or 8"),
             ("robot radius", self.robot_radius, 0 <= self.robot_radius < math.inf, "0 m or more"),
-            ("max steps", self.max_steps, (self.max_steps or 0) >= 0, "0 or more"),
-            ("max distance", self.max_distance, (self.max_distance or 0) >= 0, "0 m or more"),
-            ("coverage", self.coverage, 0 < (self.coverage or 1) <= 1, "more than 0, at most 1"),
+            ("max steps", steps, steps is None or steps >= 0, "0 or more"),
+            ("max distance", metres, metres is None or metres >= 0, "0 m or more"),
+            ("coverage", share, share is None or 0 < share <= 1, "more than 0 and at most 1"),
         )
         for name, value, fine, expected in ranges:
             if not fine:

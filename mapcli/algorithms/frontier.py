@@ -104,7 +104,7 @@ def explore(
         move(field, robots, trace)  # 9: robot <- closest
         for robot in range(len(robots.cell)):
             if has_arrived(robots, robot):
-                if is_worth_going(field, planner.sight, robots, robot):
+                if is_worth_going(field, planner.lookouts, robots, robot):
                     sense(field, planner.sight, robots, trace, robot)  # 10-12
                 else:
                     give_up(field, robots, trace, robot)
@@ -125,7 +125,7 @@ def choose_goals(
     trace.counts[HELD_BACK] = 0
     for robot in range(len(robots.cell)):
         on_its_way = robots.goal[robot] != NOWHERE
-        if on_its_way and not is_worth_going(field, planner.sight, robots, robot):
+        if on_its_way and not is_worth_going(field, planner.lookouts, robots, robot):
             give_up(field, robots, trace, robot)
     for robot in range(len(robots.cell)):
         if is_held_back(field, limits, robots, trace) or robots.goal[robot] != NOWHERE:

@@ -1,13 +1,12 @@
 """Where a robot goes that is too large to stand on the frontier cells that are left.
 
-A LOOKOUT is a cell where it fits, from which it sees an unknown neighbour of a frontier cell over
-known open cells, and which is seen from such a neighbour in the same way. The nearest one is the
-next goal (ties: smallest row, then smallest column), whatever the strategy.
+A LOOKOUT is a cell where it fits and from which it sees an unknown neighbour of a frontier cell,
+for sure: a ray over known open cells gets to the edge between the two (`sensing.look_back` says
+which ray; with a range of one cell, the unknown cell is one of the eight around the lookout). The
+nearest one is the next goal (ties: smallest row, then smallest column), whatever the strategy.
 
-Possible lookouts are listed by looking back from the unknown cells. That is done anew only when
-none of the last list is of use any longer and something has been learned in the meantime. A
-search takes the cells on the list in order, looks out from each, and strikes it off when there is
-nothing to see.
+Lookouts are listed by looking back from the frontier. That is done anew when the list is of no
+use to a robot any longer and something has been learned in the meantime.
 """
 
 from __future__ import annotations
@@ -19,25 +18,26 @@ import numpy as np
 from mapcli.algorithms.field import CHANGES, OPEN, UNKNOWN, Cells, Field
 from mapcli.algorithms.goals import LOOKOUT, NOWHERE, Goal, takers
 from mapcli.algorithms.motion import Search, spread, start_search
-from mapcli.algorithms.sensing import THROUGH_OPEN, Sight, look
+from mapcli.algorithms.sensing import Sight, look_back
 
 
 class Lookouts(NamedTuple):
-    """The list of possible lookouts (mutable).
+    """The list of lookouts (mutable).
 
     Attributes:
-        possible: 1 where the cell is on the list (uint8); empty for robots that are points.
+        sees: for each cell on the list an unknown cell that is seen from there, else 0 (int64);
+            empty for robots that are points. It is of use as long as that cell is unknown.
         listed: the field's CHANGES when the list was last made, shape (1,) (int64).
     """
 
-    possible: Cells
+    sees: Cells
     listed: Cells
 
 
 def make_lookouts(field: Field) -> Lookouts:
     """An empty list."""
     size = len(field.known) if len(field.disc_rows) else 0
-    return Lookouts(np.zeros(size, np.uint8), np.full(1, -1, np.int64))
+    return Lookouts(np.zeros(size, np.int64), np.full(1, -1, np.int64))
 
 
 def find_lookout(
@@ -50,82 +50,54 @@ def find_lookout(
     cell: int,
 ) -> Goal:
     """The nearest lookout of a robot at a cell; as for `find_goal`, the path can then be read."""
-    if len(lookouts.possible) == 0:
+    if len(lookouts.sees) == 0:
         return Goal(LOOKOUT, NOWHERE, 0, 0)
-    goal = find_listed(field, search, sight, lookouts, goals, robot, cell)
+    goal = find_listed(field, search, lookouts, goals, robot, cell)
     if goal.cell == NOWHERE and lookouts.listed[0] != field.counts[CHANGES]:
         list_lookouts(field, sight, lookouts)
-        goal = find_listed(field, search, sight, lookouts, goals, robot, cell)
+        goal = find_listed(field, search, lookouts, goals, robot, cell)
     return goal
 
 
 def find_listed(
-    field: Field,
-    search: Search,
-    sight: Sight,
-    lookouts: Lookouts,
-    goals: Cells,
-    robot: int,
-    cell: int,
+    field: Field, search: Search, lookouts: Lookouts, goals: Cells, robot: int, cell: int
 ) -> Goal:
-    """The nearest lookout among those on the list."""
-    begin, end, moves = 0, start_search(field, search, cell), 0
-    while begin < end:
-        there = next_listed(field, search, lookouts, goals, robot, begin, end)
-        if there == NOWHERE:
+    """The nearest lookout on the list that is of use, and to which nobody else goes."""
+    best, begin, end, moves = NOWHERE, 0, start_search(field, search, cell), 0
+    while begin < end and best == NOWHERE:
+        for k in range(begin, end):
+            there = search.queue[k]
+            if best != NOWHERE and best < there:
+                continue
+            if is_lookout(field, lookouts, there) and takers(goals, robot, there) == 0:
+                best = there
+        if best == NOWHERE:
             moves += 1
             begin, end = end, spread(field, search, begin, end, moves)
-        elif is_lookout(field, sight, there):
-            return Goal(LOOKOUT, there, 0, moves)
-        else:
-            lookouts.possible[there] = 0
-    return Goal(LOOKOUT, NOWHERE, 0, 0)
+    return Goal(LOOKOUT, best, 0, moves)
 
 
-def next_listed(
-    field: Field,
-    search: Search,
-    lookouts: Lookouts,
-    goals: Cells,
-    robot: int,
-    begin: int,
-    end: int,
-) -> int:
-    """The first cell, by row and column, of queue[begin:end] that is on the list and free."""
-    first = NOWHERE
-    for k in range(begin, end):
-        cell = search.queue[k]
-        listed = lookouts.possible[cell] == 1 and not field.crowded[cell]
-        if listed and (first == NOWHERE or cell < first) and takers(goals, robot, cell) == 0:
-            first = cell
-    return first
-
-
-def is_lookout(field: Field, sight: Sight, cell: int) -> bool:
-    """Whether an unknown neighbour of a frontier cell is seen from a cell, for sure."""
-    count = 0
-    for k in range(look(field, sight, field.known, THROUGH_OPEN, cell)):
-        seen = sight.seen[k]
-        count += field.known[seen] == UNKNOWN and has_open_neighbour(field, seen)
-    return count > 0
-
-
-def has_open_neighbour(field: Field, cell: int) -> bool:
-    known, stride = field.known, field.stride
-    return (
-        known[cell - stride] == OPEN
-        or known[cell - 1] == OPEN
-        or known[cell + 1] == OPEN
-        or known[cell + stride] == OPEN
-    )
+def is_lookout(field: Field, lookouts: Lookouts, cell: int) -> bool:
+    """Whether a cell is on the list and still of use."""
+    seen = lookouts.sees[cell]
+    return seen > 0 and field.known[seen] == UNKNOWN and not field.crowded[cell]
 
 
 def list_lookouts(field: Field, sight: Sight, lookouts: Lookouts) -> None:
-    """List the cells that are seen from unknown neighbours of the frontier, and have room."""
+    """List all lookouts there are, and leave those on the list that are of use."""
     lookouts.listed[0] = field.counts[CHANGES]
     for cell in range(len(field.known)):
-        if field.known[cell] == UNKNOWN and has_open_neighbour(field, cell):
-            for k in range(look(field, sight, field.known, THROUGH_OPEN, cell)):
-                seen = sight.seen[k]
-                if field.known[seen] == OPEN and not field.crowded[seen]:
-                    lookouts.possible[seen] = 1
+        if field.frontier[cell]:
+            for m in range(4):  # the straight moves
+                unknown = cell + field.moves[m]
+                if field.known[unknown] == UNKNOWN:
+                    list_one(field, sight, lookouts, cell, unknown)
+
+
+def list_one(field: Field, sight: Sight, lookouts: Lookouts, cell: int, unknown: int) -> None:
+    """List the cells from which an unknown cell is seen through a frontier cell."""
+    for k in range(look_back(field, sight, cell, unknown)):
+        place = sight.seen[k]
+        fits = field.known[place] == OPEN and not field.crowded[place]
+        if fits and not is_lookout(field, lookouts, place):
+            lookouts.sees[place] = unknown
