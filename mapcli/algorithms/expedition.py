@@ -101,10 +101,12 @@ class Expedition:
 
     def views(self, arrays: Arrays) -> Arrays:
         """Arrays as the loops want them: plain Python is faster with memoryviews."""
-        if self.compiled:
-            return arrays
-        views = (a.data if isinstance(a, np.ndarray) else a for a in arrays)
-        return type(arrays)(*views)
+        return type(arrays)(*map(self.view, arrays))
+
+    def view(self, array: Any) -> Any:
+        """One array likewise; anything else as it is."""
+        is_array = isinstance(array, np.ndarray)
+        return array.data if is_array and not self.compiled else array
 
     def call(self, function: Function) -> Function:
         """A loop as plain Python, or its compiled twin."""
@@ -151,7 +153,7 @@ class Expedition:
         )  # fmt: skip
         if wanted.return_home:
             go_home, state = self.call(homecoming.go_home), frontier.MORE
-            homes = self.homes if self.compiled else self.homes.data
+            homes = self.view(self.homes)
             while state != frontier.ENDED:
                 state = go_home(self.field, self.planner, self.robots, self.trace, homes)
                 self.make_room(state)
@@ -227,7 +229,7 @@ class Expedition:
         return tuple(self.frontier_cell(*row) for row in rows)
 
     def frontier_cell(self, cell: int, robot: int, moves: int) -> FrontierCell:
-        unknown = int(unknown_neighbours(self.field, cell))
+        unknown = int(self.call(unknown_neighbours)(self.field, cell))
         if moves == motion.NEVER:
             return FrontierCell(self.cell(cell), unknown, None, None, None)
         return FrontierCell(self.cell(cell), unknown, robot, moves, self.priority(cell, moves))
@@ -248,7 +250,8 @@ class Expedition:
                 continue
             self.robots.goal[robot] = goal.cell
             path = np.zeros(goal.moves, np.int64)
-            motion.write_path(self.field, self.planner.search, goal.cell, path.data, goal.moves)
+            write_path = self.call(motion.write_path)
+            write_path(self.field, self.planner.search, goal.cell, self.view(path), goal.moves)
             at_frontier = goal.kind == goals.FRONTIER
             priority = self.priority(goal.cell, goal.moves) if at_frontier else None
             cells = [self.cell(cell) for cell in path.tolist()]

@@ -32,12 +32,14 @@ MODULES = (field, sensing, motion, parts, goals, lookouts, fleet, frontier, home
 
 
 CALLED_FROM_PYTHON = (
+    field.unknown_neighbours,
     frontier.explore,
     frontier.choose_goal,
     goals.shown_worth,
     homecoming.go_home,
     homecoming.stay,
     motion.spread_all,
+    motion.write_path,
     outset.finds_room,
     outset.mark_explorable,
     outset.take_stock,
