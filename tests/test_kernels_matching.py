@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from math import cos, floor, sin
 
 import numpy as np
@@ -12,7 +11,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels import matching as kernels
-from mapcli.algorithms._kernels import refinement
 from mapcli.algorithms._kernels.mapping import update_field
 from mapcli.algorithms.occupancy import LEVEL_WIDTHS, MapParameters
 
@@ -248,170 +246,6 @@ def test_a_map_that_does_not_care_leaves_the_start() -> None:
     for top in (1, 2, 3):
         found = kernels.search(fields, LEVEL_WIDTHS, points, start, (9, 3), (1, 0.1), prior, top)
         assert found.tolist() == [0, 0, 0, 18, 18]
-
-
-# --- refinement
-
-
-def slow_cost(
-    field: NDArray[np.uint8],
-    points: Floats,
-    pose: Floats,
-    prior_pose: Floats,
-    weights: tuple[float, float],
-) -> float:
-    """What `refine` makes small."""
-    cost = 0.0
-    for point in points:
-        u, v = place(point, pose)
-        i, j = floor(u - 0.5), floor(v - 0.5)
-        a, b = u - 0.5 - i, v - 0.5 - j
-        value = (
-            (1 - a) * (1 - b) * float(field[j, i])
-            + a * (1 - b) * float(field[j, i + 1])
-            + (1 - a) * b * float(field[j + 1, i])
-            + a * b * float(field[j + 1, i + 1])
-        )
-        cost += (1 - value / 255) ** 2
-    du, dv, turn = prior_pose - pose
-    return cost + weights[0] * (du**2 + dv**2) + weights[1] * turn**2
-
-
-def a_room() -> tuple[NDArray[np.uint8], Floats]:
-    """The field of a room with a pillar, and the centres of its wall cells."""
-    log_odds = np.zeros((SIZE, SIZE), np.int16)
-    log_odds[35:76, [35, 75]] = 100
-    log_odds[[35, 75], 35:76] = 100
-    log_odds[60:64, 60:64] = 100
-    v, u = np.nonzero(log_odds)
-    return fields_of(log_odds)[0], np.column_stack([u, v]) + 0.5
-
-
-FIELD, WALLS = a_room()
-
-
-def seen_from(pose: Floats) -> Floats:
-    """The walls in the frame of a robot."""
-    c, s = cos(pose[2]), sin(pose[2])
-    x, y = (WALLS - pose[:2]).T
-    return np.column_stack([c * x + s * y, -s * x + c * y])
-
-
-def random_case(seed: int) -> tuple[NDArray[np.uint8], Floats, Floats, Floats, tuple[float, float]]:
-    """A field, points, a pose, one from odometry, and the weights of its distance."""
-    rng = np.random.default_rng(seed)
-    log_odds = walls(rng, 12)
-    points = scan_around(rng, log_odds, int(rng.integers(1, 40)))
-    pose = np.array([MIDDLE, MIDDLE, 0.0]) + rng.normal(0, (1.0, 1.0, 0.03))
-    weights = float(rng.uniform(0.02, 1)), float(rng.uniform(1, 50))
-    return fields_of(log_odds)[0], points, pose, pose + rng.normal(0, (1, 1, 0.02)), weights
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_linearise_as_its_twin(seed: int) -> None:
-    field, points, pose, prior_pose, weights = random_case(seed)
-    cost, normal, gradient = refinement.linearise(field, points, pose, prior_pose, weights)
-    assert cost == pytest.approx(slow_cost(field, points, pose, prior_pose, weights))
-    # `gradient` points downhill and is half as long as the slope of the cost.
-    h = 1e-6
-    for k, e in enumerate(np.eye(3) * h):
-        ahead = slow_cost(field, points, pose + e, prior_pose, weights)
-        behind = slow_cost(field, points, pose - e, prior_pose, weights)
-        assert gradient[k] == pytest.approx(-(ahead - behind) / (4 * h), rel=1e-4, abs=1e-4)
-    # `normal` is the sum of the outer products of each point's own slope.
-    jacobian = np.zeros((len(points), 3))
-    none = (0.0, 0.0)
-    for i in range(len(points)):
-        one = points[i : i + 1]
-        for k, e in enumerate(np.eye(3) * h):
-            ahead = math.sqrt(slow_cost(field, one, pose + e, pose, none))
-            behind = math.sqrt(slow_cost(field, one, pose - e, pose, none))
-            jacobian[i, k] = (ahead - behind) / (2 * h)
-    expected = jacobian.T @ jacobian + np.diag([weights[0], weights[0], weights[1]])
-    assert normal == pytest.approx(expected, rel=1e-4, abs=1e-4)
-
-
-def test_linearise_by_hand() -> None:
-    # Half way between a wall's cell (255) and one that holds 0: the field is 1/2, its slope -1.
-    field = np.zeros((9, 9), np.uint8)
-    field[:, 4] = 255
-    point, pose = np.array([[2.0, 0.0]]), np.array([3.0, 4.5, 0.0])
-    cost, normal, gradient = refinement.linearise(field, point, pose, pose, (0.0, 0.0))
-    assert cost == 0.25
-    assert gradient.tolist() == [-0.5, 0, 0]
-    assert normal.tolist() == [[1, 0, 0], [0, 0, 0], [0, 0, 0]]
-
-
-@settings(deadline=None, max_examples=60)
-@given(SEEDS, st.integers(0, 20))
-def test_refine_is_never_worse_than_its_start(seed: int, iterations: int) -> None:
-    field, points, start, prior_pose, weights = random_case(seed)
-    kept = start.copy()
-    refined = refinement.refine(field, points, start, prior_pose, weights, iterations)
-    before = slow_cost(field, points, start, prior_pose, weights)
-    assert slow_cost(field, points, refined, prior_pose, weights) <= before + 1e-9
-    assert (start == kept).all()
-
-
-@FEW
-@given(SEEDS)
-def test_refine_of_noise(seed: int) -> None:
-    # Where every step is as likely to lead up as down.
-    rng = np.random.default_rng(seed)
-    field, points = (
-        rng.integers(0, 256, (SIZE, SIZE)).astype(np.uint8),
-        rng.uniform(-15, 15, (9, 2)),
-    )
-    start = np.array([MIDDLE, MIDDLE, 0.0]) + rng.normal(0, (1.0, 1.0, 1.0))
-    refined = refinement.refine(field, points, start, start, (0.1, 10.0), 10)
-    before = slow_cost(field, points, start, start, (0.1, 10.0))
-    assert slow_cost(field, points, refined, start, (0.1, 10.0)) <= before + 1e-9
-
-
-def test_without_iterations_the_start_stays() -> None:
-    field, points, start, prior_pose, weights = random_case(0)
-    assert (refinement.refine(field, points, start, prior_pose, weights, 0) == start).all()
-
-
-@pytest.mark.parametrize(
-    "off", [(0.4, -0.3, 0.01), (-0.45, 0.45, -0.01), (0.5, 0.0, 0.0), (0.0, 0.0, 0.02)]
-)
-def test_refine_finds_a_shift_of_less_than_a_cell(off: tuple[float, float, float]) -> None:
-    true = np.array([52.2, 49.7, 0.4])
-    start = true + np.array(off)
-    refined = refinement.refine(FIELD, seen_from(true), start, start, (1e-6, 1e-6), 20)
-    assert refined[:2] == pytest.approx(true[:2], abs=0.01)
-    assert refined[2] == pytest.approx(true[2], abs=0.0005)
-
-
-def test_what_the_map_leaves_open_is_the_odometrys() -> None:
-    # Of the room, the robot sees the lower wall's middle only: along it, odometry is all it has.
-    true = np.array([55.0, 45.0, 0.0])
-    points = seen_from(true)[(WALLS[:, 1] < 36) & (np.abs(WALLS[:, 0] - 55) < 8)]
-    prior_pose = true + np.array([0.7, 0.3, 0.0])
-    refined = refinement.refine(FIELD, points, true + 0.2, prior_pose, (0.01, 0.01), 20)
-    assert refined[0] == pytest.approx(prior_pose[0], abs=0.02)
-    assert refined[1] == pytest.approx(true[1], abs=0.02)
-
-
-@pytest.mark.parametrize("damping", [0.0, 1e-3, 10.0])
-def test_solve3_as_numpy(damping: float) -> None:
-    rng = np.random.default_rng(3)
-    for _ in range(50):
-        jacobian = rng.normal(0, rng.choice([0.01, 1.0, 30.0], 3), (8, 3))
-        normal, gradient = jacobian.T @ jacobian, rng.normal(0, 1, 3)
-        kept = normal.copy()
-        damped = normal + damping * np.diag(np.diag(normal))
-        expected = np.linalg.solve(damped, gradient)
-        solved = refinement.solve3(normal, gradient, damping)
-        assert damped @ solved == pytest.approx(gradient, rel=1e-3, abs=1e-3)
-        assert solved == pytest.approx(expected, rel=1e-3)
-        assert (normal == kept).all()
-
-
-def test_solve3_where_nothing_is_known() -> None:
-    # A scan that touches no wall and no weight: no step, rather than a division by zero.
-    assert refinement.solve3(np.zeros((3, 3)), np.zeros(3), 1e-3).tolist() == [0, 0, 0]
 
 
 # --- comparing maps

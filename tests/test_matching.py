@@ -7,12 +7,11 @@ import math
 import numpy as np
 import pytest
 
+from mapcli.algorithms.dead_reckoning import OdometryModel, Spread
 from mapcli.algorithms.matching import (
     BOOK_TURN,
     Match,
     MatchParameters,
-    OdometryModel,
-    Spread,
     best_of_fifteen,
     best_pose,
     perception_cells,
@@ -138,7 +137,7 @@ def test_a_window_that_leaves_the_map() -> None:
 
 
 UNREFINED = MatchParameters(
-    iterations=0, window_xy=0.1, window_theta_deg=2.0, lost_below=0.0, prior=0.0
+    refine=False, window_xy=0.1, window_theta_deg=2.0, lost_below=0.0, prior=0.0
 )
 
 
@@ -163,7 +162,7 @@ def test_the_test_positions_are_those_of_the_window() -> None:
 def test_steps_are_whole_cells(step_xy: float | None, cells: int) -> None:
     wanted = (0.15, -0.05)  # 3 cells and 1 cell
     tried = moved(HERE, -wanted[0], -wanted[1])
-    parameters = MatchParameters(step_xy=step_xy, iterations=0, prior=0.0, lost_below=0.0)
+    parameters = MatchParameters(step_xy=step_xy, refine=False, prior=0.0, lost_below=0.0)
     match = best_pose(mapped(), look(HERE), tried, WIDE, parameters)
     steps = np.array([match.pose.x - tried.x, match.pose.y - tried.y]) / (0.05 * cells)
     assert steps == pytest.approx(np.round(steps), abs=1e-6)
@@ -173,7 +172,7 @@ def test_steps_are_whole_cells(step_xy: float | None, cells: int) -> None:
 
 def test_coarse_headings() -> None:
     parameters = MatchParameters(
-        step_theta_deg=4.0, window_theta_deg=10.0, iterations=0, prior=0.0, lost_below=0.0
+        step_theta_deg=4.0, window_theta_deg=10.0, refine=False, prior=0.0, lost_below=0.0
     )
     match = best_pose(mapped(), look(HERE), moved(HERE, 0, 0, 8), NARROW, parameters)
     assert_at(match, HERE, xy=1e-6, degrees=1e-6)

@@ -11,11 +11,14 @@ import numpy as np
 import pytest
 
 from mapcli.algorithms import occupancy
+from mapcli.algorithms.calibration import CalibrationParameters
+from mapcli.algorithms.current_map import CurrentMapParameters
+from mapcli.algorithms.dead_reckoning import HIGHEST_SPEED
 from mapcli.algorithms.matching import MatchParameters, Search
 from mapcli.algorithms.occupancy import MapParameters
 from mapcli.algorithms.perception import PerceptionParameters
 from mapcli.algorithms.raycast import cast, edges_of
-from mapcli.algorithms.slam import HIGHEST_SPEED, Slam, SlamParameters
+from mapcli.algorithms.slam import Slam, SlamParameters
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record
 from mapcli.model.trace import TracedPose
@@ -201,7 +204,7 @@ def test_a_jump_of_the_odometry_is_not_believed() -> None:
     slam = Slam()
     found = list(slam.replay(log_of(POSES, odom)))
     assert_near(found, POSES)
-    assert slam.odometry_jumps == 1
+    assert slam.odometry.jumps == 1
 
 
 def test_only_leaps_are_jumps() -> None:
@@ -210,7 +213,7 @@ def test_only_leaps_are_jumps() -> None:
         slam = Slam(searching("none"))
         odom = [Pose2D(), Pose2D(0.0, metres, 0.0)]
         found = list(slam.replay(log_of([Pose2D()] * 2, odom)))
-        assert slam.odometry_jumps == jumps
+        assert slam.odometry.jumps == jumps
         assert found[1].pose == (Pose2D() if jumps else odom[1])
 
 
@@ -245,7 +248,8 @@ def test_a_scan_without_returns_goes_by_odometry(value: float) -> None:
     records = log_of(POSES, odometry_of(POSES))
     for k in (20, 21):
         records[2 * k + 1] = blind(k, value)
-    found = replay(records)
+    as_counted = SlamParameters(calibration=CalibrationParameters(1e12, 1e12))
+    found = replay(records, as_counted)
     assert_near(found, POSES)
     expected = ["first"] + ["matched"] * (len(POSES) - 1)
     expected[20:22] = ["odometry", "odometry"]
@@ -348,7 +352,7 @@ def test_the_start_is_where_one_says() -> None:
     ],
 )
 def test_the_map_is_updated_where_the_robot_has_moved(moved: Pose2D, updated: bool) -> None:
-    slam = Slam(SlamParameters(map=MapParameters(update_m=0.3, update_deg=17.0)))
+    slam = Slam(SlamParameters(current=CurrentMapParameters(update_m=0.3, update_deg=17.0)))
     here = Pose2D(0.02, 0.01, 3.1)
     there = here.compose(moved)
     slam.step(scan_at(here, 0), here)

@@ -24,66 +24,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels import matching as kernels
-from mapcli.algorithms._kernels.refinement import refine
+from mapcli.algorithms.dead_reckoning import Spread
 from mapcli.algorithms.occupancy import LEVEL_WIDTHS, OccupancyGrid
 from mapcli.algorithms.perception import Perception
 from mapcli.model.pose import Pose2D
 
 Search = Literal["window", "book", "none"]
 
+FARTHEST_REFINEMENT = 24.0
+"""Cells that the refinement may move a point: less than `occupancy.MARGIN`."""
+
 BOOK_TURN = math.radians(15)
 """To either side of the odometry heading, the turns of Sect. 9.5."""
-
-
-@dataclass(frozen=True)
-class OdometryModel:
-    """How far odometry may err over one step: standard deviations.
-
-    Attributes:
-        xy_floor: metres, even when the robot stands; xy_per_m, xy_per_rad: metres more per metre
-            and per radian of motion.
-        turn_floor_deg: degrees; turn_per_rad: radians per radian; turn_deg_per_m: degrees per
-            metre.
-        silent_xy, silent_turn_deg: where there is no odometry at all, and the robot is looked for
-            around where it was; twice as much is as far as it can be followed.
-    """
-
-    xy_floor: float = 0.02
-    xy_per_m: float = 0.1
-    xy_per_rad: float = 0.05
-    turn_floor_deg: float = 0.5
-    turn_per_rad: float = 0.15
-    turn_deg_per_m: float = 2.0
-    silent_xy: float = 0.3
-    silent_turn_deg: float = 10.0
-
-    def spread(self, motion: Pose2D | None) -> Spread:
-        """What to expect after a motion; None is unknown."""
-        if motion is None:
-            return Spread(self.silent_xy, math.radians(self.silent_turn_deg), 0.0, reach=2.0)
-        metres, turn = math.hypot(motion.x, motion.y), abs(motion.theta)
-        return Spread(
-            self.xy_floor + self.xy_per_m * metres + self.xy_per_rad * turn,
-            math.radians(self.turn_floor_deg + self.turn_deg_per_m * metres)
-            + self.turn_per_rad * turn,
-            metres,
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Spread:
-    """How far off a predicted pose may be.
-
-    Attributes:
-        xy, turn: standard deviations, metres and radians.
-        metres: driven since the pose before.
-        reach: standard deviations to look on either side.
-    """
-
-    xy: float
-    turn: float
-    metres: float
-    reach: float = 4.0
 
 
 @dataclass(frozen=True)
@@ -98,14 +50,15 @@ class MatchParameters:
         step_theta_deg: degrees between test headings.
         prior: the most that leaving the odometry's pose costs, as a share of a perfect score.
         prior_knee: squared standard deviations that cost half of it.
-        prior_in_refinement: how much weaker the prior is in the refinement, where the scan's many
-            points already are evidence enough and only a corridor's open direction needs it.
+        refine: go on from the best test position to the last millimetres.
         fewest: a scan of fewer points says nothing; `usual`: a scan of fewer says less than it
             seems to, so the prior weighs as if it had that many.
         lost_below: the share of the usual agreement below which odometry is suspected; then
         lost_xy, lost_xy_per_m, lost_theta_deg: a window of this half-width is searched, and
             believed when the agreement there is usual again, better by `lost_gain`, and the scan
             overlaps the map by `lost_overlap`.
+        odd_below: the share of the usual agreement below which the map has nothing like the scan,
+            which then says nothing.
     """
 
     search: Search = "window"
@@ -115,8 +68,7 @@ class MatchParameters:
     step_theta_deg: float = 0.5
     prior: float = 0.1
     prior_knee: float = 9.0
-    prior_in_refinement: float = 0.03
-    iterations: int = 10
+    refine: bool = True
     fewest: int = 5
     usual: int = 40
     lost_below: float = 0.75
@@ -125,6 +77,7 @@ class MatchParameters:
     lost_xy: float = 0.5
     lost_xy_per_m: float = 2.2
     lost_theta_deg: float = 45.0
+    odd_below: float = 0.55
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,12 +89,15 @@ class Match:
         score: agreement of the scan with the map where both know something, 0 to 1.
         overlap: points of the scan that fall there.
         found: whether the scan could say anything; otherwise the pose is the odometry's.
+        covariance: shape (3, 3), of (x, y, theta) in the robot's frame, as far as the map alone
+            fixes the pose; None where it was not asked.
     """
 
     pose: Pose2D
     score: float
     overlap: int
     found: bool
+    covariance: NDArray[np.float64] | None = None
 
 
 def best_pose(
@@ -198,12 +154,18 @@ class _Window:
         best = self._search(half_xy, half_turn)
         low = p.lost_below * usual_score
         if best.score < low:
-            wide_xy = max(half_xy, p.lost_xy + p.lost_xy_per_m * spread.metres)
-            other = self._search(wide_xy, math.radians(p.lost_theta_deg))
-            enough = other.overlap >= p.lost_overlap * len(self.points)
-            if enough and other.score >= max(low, best.score + p.lost_gain):
-                best = other
+            best = self._doubt(best, usual_score, half_xy)
         return best if best.found else replace(best, pose=self.predicted)
+
+    def _doubt(self, best: Match, usual_score: float, half_xy: float) -> Match:
+        """The scan fits the map worse than usual: odometry may be lost, or the map too young."""
+        p, spread, low = self.parameters, self.spread, self.parameters.lost_below * usual_score
+        wide_xy = max(half_xy, p.lost_xy + p.lost_xy_per_m * spread.metres)
+        other = self._search(wide_xy, math.radians(p.lost_theta_deg))
+        enough = other.overlap >= p.lost_overlap * len(self.points)
+        if enough and other.score >= max(low, best.score + p.lost_gain):
+            return other
+        return replace(best, found=best.found and best.score >= p.odd_below * usual_score)
 
     def _search(self, half_xy: float, half_turn: float) -> Match:
         """The best pose in a window around the predicted one, refined."""
@@ -222,12 +184,17 @@ class _Window:
             (self.weight, self.parameters.prior_knee, cell_prior, step_prior),
             2 if reach < 32 else 3,
         )
-        pose = self._refine(start + np.array([du, dv, turn * self.turn_step]), start)
-        overlap, agreement = kernels.overlap(
-            self.grid.log_odds, self.grid.fields[0], self.points, pose
+        return self._settle(
+            self.grid.pose_from_cells(start + np.array([du, dv, turn * self.turn_step]))
         )
-        found = overlap >= self.parameters.fewest
-        return Match(self.grid.pose_from_cells(pose), agreement, overlap, found)
+
+    def _settle(self, near: Pose2D) -> Match:
+        """Refine a pose, and see how well the scan agrees with the map there."""
+        pose, covariance = self._refine(near) if self.parameters.refine else (near, None)
+        overlap, agreement = kernels.overlap(
+            self.grid.log_odds, self.grid.fields[0], self.points, self.grid.pose_to_cells(pose)
+        )
+        return Match(pose, agreement, overlap, overlap >= self.parameters.fewest, covariance)
 
     def _cover(self, half_xy: float, half_turn: float) -> None:
         """Make the map hold every point of every pose in the window."""
@@ -237,14 +204,14 @@ class _Window:
         points = self.predicted.apply(self.points * self.cell)
         self.grid.cover(points.min(axis=0) - slack, points.max(axis=0) + slack)
 
-    def _refine(self, pose: NDArray[np.float64], start: NDArray[np.float64]) -> NDArray[np.float64]:
-        p = self.parameters
-        slope = p.prior_in_refinement * self.weight / kernels.FULL / p.prior_knee
-        weights = (slope * (self.cell / self.spread.xy) ** 2, slope / self.spread.turn**2)
-        refined: NDArray[np.float64] = refine(
-            self.grid.fields[0], self.points, pose, start, weights, p.iterations
-        )
-        return refined
+    def _refine(self, near: Pose2D) -> tuple[Pose2D, NDArray[np.float64] | None]:
+        """The last millimetres, unless they lead astray."""
+        spread = self.spread.xy, self.spread.turn
+        points = self.points * self.cell
+        fit = self.grid.walls.fit(points, near, self.predicted, spread)
+        moved = near.distance(fit.pose) + abs(near.between(fit.pose).theta) * self.radius
+        trusted = fit.fitted >= self.parameters.fewest and moved < FARTHEST_REFINEMENT * self.cell
+        return (fit.pose, fit.covariance()) if trusted else (near, None)
 
 
 def best_of_fifteen(grid: OccupancyGrid, perception: Perception, predicted: Pose2D) -> Match:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels.mapping import integrate_beams, update_field
 from mapcli.algorithms.perception import Perception
+from mapcli.algorithms.surfels import SurfelMap
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D, wrap_angle
@@ -47,9 +48,6 @@ class MapParameters:
         hit, miss: what a beam's end adds, what a beam passing takes, in units of log-odds.
         highest, lowest: the limits of a cell.
         blur: standard deviation of the likelihood field around a wall, metres; at least a cell.
-        update_m, update_deg: the map is updated when the robot has moved or turned this far.
-            Writing every scan lets the small errors of many poses smear the walls they are
-            matched against, and a map that is smeared lets the next poses drift.
 
     Raises:
         DataError: a resolution finer than a millimetre or coarser than 100 m.
@@ -61,8 +59,6 @@ class MapParameters:
     highest: int = 1000
     lowest: int = -500
     blur: float = 0.05
-    update_m: float = 0.3
-    update_deg: float = 17.0
 
     def __post_init__(self) -> None:
         if not 0.001 <= self.resolution <= 100:
@@ -92,6 +88,7 @@ class OccupancyGrid:
         self.parameters = parameters or MapParameters()
         self.log_odds = np.zeros((0, 0), dtype=np.int16)
         self.fields = np.zeros((len(LEVEL_WIDTHS), 0, 0), dtype=np.uint8)
+        self.walls = SurfelMap(self.parameters.resolution)
         self._bump = self.parameters.bump()
         self._u0 = self._v0 = 0
         self._changed = np.empty((0, 2), dtype=np.int32)
@@ -164,6 +161,7 @@ class OccupancyGrid:
         both = np.concatenate([ends, laser])
         self.cover(both.min(axis=0), both.max(axis=0))
         self._write(self.to_cells(laser)[0], self.to_cells(ends), len(perception.hits))
+        self.walls.add(ends[: len(perception.hits)])
 
     def _write(self, laser: NDArray[np.float64], ends: NDArray[np.float64], hits: int) -> None:
         p = self.parameters

@@ -1,25 +1,28 @@
 """Algorithm 9.2: simultaneous localization and mapping, one scan at a time.
 
 The numbers in the comments are the lines of the book's algorithm. What makes it work on real logs
-sits in the modules it calls: `odometry` (3), `perception` (4), `matching` (5-8), `occupancy` (10).
+sits in the modules it calls: `dead_reckoning` (2, 3), `perception` (4), `matching` (5-8) and
+`current_map` (10). What is done once the log has ended, closing loops above all, is `closing`.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
-from mapcli.algorithms.matching import Match, MatchParameters, OdometryModel, best_pose
+from mapcli.algorithms.calibration import CalibrationParameters
+from mapcli.algorithms.closing import Finished, RefineParameters, finish
+from mapcli.algorithms.current_map import CurrentMap, CurrentMapParameters
+from mapcli.algorithms.dead_reckoning import DeadReckoning, OdometryModel
+from mapcli.algorithms.keyframes import Track
+from mapcli.algorithms.loops import LoopParameters
+from mapcli.algorithms.matching import Match, MatchParameters, best_pose, thinned
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.odometry import odometry_at_scans
-from mapcli.algorithms.perception import PerceptionParameters, perceive
+from mapcli.algorithms.perception import Perception, PerceptionParameters, perceive
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan, Record
 from mapcli.model.trace import Status, TracedPose
-
-HIGHEST_SPEED = 5.0
-"""Metres per second; odometry that claims more (and more than a metre) has jumped."""
 
 SCORE_MEMORY = 0.05
 """The weight of the newest score in the running mean that tells what score is usual."""
@@ -27,31 +30,40 @@ SCORE_MEMORY = 0.05
 
 @dataclass(frozen=True)
 class SlamParameters:
-    """One group of parameters per stage."""
+    """One group of parameters per stage; without `loops`, none are closed."""
 
     map: MapParameters = field(default_factory=MapParameters)
+    current: CurrentMapParameters = field(default_factory=CurrentMapParameters)
     perception: PerceptionParameters = field(default_factory=PerceptionParameters)
     odometry: OdometryModel = field(default_factory=OdometryModel)
+    calibration: CalibrationParameters = field(default_factory=CalibrationParameters)
     match: MatchParameters = field(default_factory=MatchParameters)
+    loops: LoopParameters | None = field(default_factory=LoopParameters)
+    refine: RefineParameters = field(default_factory=RefineParameters)
 
 
 class Slam:
     """A run of Algorithm 9.2 (stateful: `map` and `pose` change with every scan).
 
     Attributes:
-        map: m, the current map.
+        current: m, the current map, and when it is updated.
         pose: c, the current position; the first scan is taken at the start pose.
-        odometry_jumps: steps in which the odometry leapt and was not believed.
+        odometry: what the wheels say.
+        track: all poses until now.
     """
 
     def __init__(self, parameters: SlamParameters | None = None, start: Pose2D | None = None):
-        self.parameters = parameters or SlamParameters()
-        self.map = OccupancyGrid(self.parameters.map)
+        self.parameters = p = parameters or SlamParameters()
+        self.current = CurrentMap(p.map, p.current)
         self.pose = start or Pose2D()
-        self.odometry_jumps = 0
-        self._usual_score = 0.9
-        self._updated_at: Pose2D | None = None
-        self._last: tuple[int, Pose2D | None] | None = None
+        self.odometry = DeadReckoning(p.odometry, p.calibration)
+        self.track = Track()
+        self._usual_score, self._has_begun = 0.9, False
+
+    @property
+    def map(self) -> OccupancyGrid:
+        """m, the current map."""
+        return self.current.grid
 
     def replay(self, records: Iterable[Record]) -> Iterator[TracedPose]:
         """Every scan of a log with the pose it was taken at, in time order."""
@@ -60,41 +72,41 @@ class Slam:
 
     def step(self, scan: RangeScan, odom: Pose2D | None) -> TracedPose:
         """One turn of the book's loop for a scan, with the odometry's pose at its stamp."""
-        first = self._last is None
-        motion = self._motion(scan.stamp_ns, odom)  # 2: the robot has moved a short distance
-        n = self.pose.compose(motion or Pose2D())  # 3: new position based on odometry
+        first, c = not self._has_begun, self.pose
+        motion = self.odometry.motion(scan.stamp_ns, odom)  # 2: the robot has moved a little
+        n = c.compose(motion or Pose2D())  # 3: new position based on odometry
         p = perceive(scan, self.parameters.perception)  # 4: analyze sensor data
         b = Match(n, 0.0, 0, found=False)
         if not first:  # 5-8: the best test position around n
-            spread = self.parameters.odometry.spread(motion)
+            spread = self.odometry.spread(motion)
             b = best_pose(self.map, p, n, spread, self.parameters.match, self._usual_score)
-            self._usual_score += SCORE_MEMORY * (b.score - self._usual_score) if b.found else 0.0
+            self._learn(c, b)
         n = b.pose  # 9: replace new position by best position
-        if self._is_new_ground(n):
-            self.map.integrate(n, p)  # 10: update map based on new position
-            if len(p.hits) >= self.parameters.match.fewest:  # else there is nothing to match yet
-                self._updated_at = n
-        self.pose = n  # 11: current position is new position
+        self._record(p, n, b, in_map=self.current.update(n, p))  # 10: update map based on it
+        self.pose, self._has_begun = n, True  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
         return TracedPose(scan.stamp_ns, n, odom, b.score if b.found else None, status)
 
-    def _is_new_ground(self, pose: Pose2D) -> bool:
-        """Whether the robot has moved far enough since the last update for another one."""
-        if self._updated_at is None:
-            return True
-        p, since = self.parameters.map, self._updated_at.between(pose)
-        return math.hypot(since.x, since.y) >= p.update_m or abs(since.theta) >= math.radians(
-            p.update_deg
-        )
+    def _learn(self, before: Pose2D, match: Match) -> None:
+        """What the match tells about scores and wheels."""
+        if match.found:
+            self._usual_score += SCORE_MEMORY * (match.score - self._usual_score)
+            self.odometry.learn(before.between(match.pose), match.covariance)
 
-    def _motion(self, stamp_ns: int, odom: Pose2D | None) -> Pose2D | None:
-        """What odometry says the robot did since the last scan; None if it cannot be told."""
-        last, self._last = self._last, (stamp_ns, odom)
-        if last is None or last[1] is None or odom is None:
+    def _record(self, perception: Perception, pose: Pose2D, match: Match, *, in_map: bool) -> None:
+        """Keep what is needed when the log has ended."""
+        if self.parameters.loops is None:
+            return
+        self.track.add(pose, thinned(perception.hits, self.parameters.map.resolution))
+        if in_map:
+            self.track.add_keyframe(perception, match.covariance, self.parameters.odometry)
+
+    def finish(self, progress: Callable[[int], None] = lambda step: None) -> Finished | None:
+        """Close the loops and refine all poses; None if there is nothing to improve.
+
+        `progress` is called with the number of each stretch of track that was looked at.
+        """
+        p = self.parameters
+        if p.loops is None or not self.track.keyframes:
             return None
-        motion = last[1].between(odom)
-        metres, seconds = last[1].distance(odom), (stamp_ns - last[0]) * 1e-9
-        if metres > 1.0 + HIGHEST_SPEED * seconds:
-            self.odometry_jumps += 1
-            return None
-        return motion
+        return finish(self.track, p.map, p.loops, p.refine, progress)

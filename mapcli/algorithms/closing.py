@@ -1,0 +1,83 @@
+"""What is done when the log has ended: loops closed, every pose refined, the map made anew."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapcli.algorithms.keyframes import Track, bend
+from mapcli.algorithms.loops import LoopCloser, LoopParameters
+from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
+from mapcli.algorithms.surfels import SurfelMap
+from mapcli.model.pose import Pose2D
+from mapcli.model.trace import Loop
+
+
+@dataclass(frozen=True)
+class RefineParameters:
+    """How often all poses are fitted to the walls that all of them show.
+
+    Attributes:
+        rounds: at most; still_m: metres that poses move on average when they move no longer.
+        fewest: a scan with fewer points at walls stays where it is.
+    """
+
+    rounds: int = 3
+    still_m: float = 0.003
+    fewest: int = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Finished:
+    """The result of a run.
+
+    Attributes:
+        poses: of every scan; grid: the map from them; loops: between scans.
+    """
+
+    poses: list[Pose2D]
+    grid: OccupancyGrid
+    loops: tuple[Loop, ...] = ()
+
+
+def finish(
+    track: Track,
+    map_: MapParameters,
+    loops: LoopParameters,
+    refining: RefineParameters,
+    progress: Callable[[int], None] = lambda step: None,
+) -> Finished:
+    """Close the loops of a track, refine its poses, make the map."""
+    closed = LoopCloser(track.keyframes, map_, loops).run(progress)
+    poses = bend(track, closed.stretches, closed.anchors)
+    poses = refine(track, poses, map_.resolution, refining)
+    grid = OccupancyGrid(map_)
+    for keyframe in track.keyframes:
+        grid.integrate(poses[keyframe.scan], keyframe.perception)
+    scans = [track.keyframes[stretch.anchor].scan for stretch in closed.stretches]
+    found = tuple(
+        Loop(scans[edge.from_], scans[edge.to], edge.measured, score)
+        for edge, score in zip(closed.loops, closed.scores, strict=True)
+    )
+    return Finished(poses, grid, found)
+
+
+def refine(
+    track: Track, poses: list[Pose2D], cell: float, parameters: RefineParameters
+) -> list[Pose2D]:
+    """Fit every scan to the walls that all keyframes show, again and again until nothing moves."""
+    for _ in range(parameters.rounds):
+        walls = SurfelMap(cell)
+        for keyframe in track.keyframes:
+            walls.add(poses[keyframe.scan].apply(track.points[keyframe.scan].astype(np.float64)))
+        fitted = []
+        for points, pose in zip(track.points, poses, strict=True):
+            fit = walls.fit(points.astype(np.float64), pose)
+            fitted.append(fit.pose if fit.fitted >= parameters.fewest else pose)
+        moved = float(np.mean([a.distance(b) for a, b in zip(poses, fitted, strict=True)]))
+        poses = fitted
+        if moved < parameters.still_m:
+            break
+    return poses

@@ -1,0 +1,84 @@
+"""m, the current map of Algorithm 9.2: what each new scan is compared with.
+
+A map that never forgets is the book's. But after a long way round the robot comes back with an
+error; compared with walls from the first visit and from just now at once, scans would tear the
+map. So where loops are closed afterwards, the current map holds the last metres only, and old
+walls are met again in `loops`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
+from mapcli.algorithms.perception import Perception
+from mapcli.model.pose import Pose2D
+
+
+@dataclass(frozen=True)
+class CurrentMapParameters:
+    """When the current map is written to, and what it forgets.
+
+    Attributes:
+        update_m, update_deg: the map is updated when the robot has moved or turned this far.
+            Writing every scan lets the small errors of many poses smear the walls they are
+            matched against, and a map that is smeared lets the next poses drift.
+        most_m: metres driven that the map remembers at most; inf never forgets.
+        least_m, least_updates: metres driven, and updates, that it remembers at least.
+        fewest: a scan of fewer points is nothing to start a map with.
+    """
+
+    update_m: float = 0.3
+    update_deg: float = 17.0
+    most_m: float = 30.0
+    least_m: float = 7.5
+    least_updates: int = 10
+    fewest: int = 5
+
+
+class CurrentMap:
+    """The map being made (stateful: `update` changes it).
+
+    It forgets by giving way, after `most_m`, to a younger map that was begun `least_m` before.
+
+    Attributes:
+        grid: what to compare with.
+    """
+
+    def __init__(self, map_: MapParameters, parameters: CurrentMapParameters) -> None:
+        self.grid = OccupancyGrid(map_)
+        self.parameters, self._map = parameters, map_
+        self._younger: OccupancyGrid | None = None
+        self._updated_at: Pose2D | None = None
+        self._metres, self._young_updates = 0.0, 0
+
+    def update(self, pose: Pose2D, perception: Perception) -> bool:
+        """Line 10, if the robot has come far enough since the last update; whether it has."""
+        last = self._updated_at
+        if last is not None and not self._is_new_ground(last.between(pose)):
+            return False
+        self.grid.integrate(pose, perception)
+        if len(perception.hits) < self.parameters.fewest:
+            return last is not None
+        self._metres += last.distance(pose) if last else 0.0
+        self._updated_at = pose
+        self._forget(pose, perception)
+        return True
+
+    def _is_new_ground(self, since: Pose2D) -> bool:
+        p = self.parameters
+        far = math.hypot(since.x, since.y) >= p.update_m
+        return far or abs(since.theta) >= math.radians(p.update_deg)
+
+    def _forget(self, pose: Pose2D, perception: Perception) -> None:
+        """Begin a younger map when it is time, write to it, and let it take over."""
+        p = self.parameters
+        if self._younger is None and self._metres >= p.most_m - p.least_m:
+            self._younger, self._young_updates = OccupancyGrid(self._map), 0
+        if self._younger is None:
+            return
+        self._younger.integrate(pose, perception)
+        self._young_updates += 1
+        if self._metres >= p.most_m and self._young_updates >= p.least_updates:
+            self.grid, self._younger, self._metres = self._younger, None, p.least_m

@@ -1,0 +1,127 @@
+"""The graph of reference [3] of the chapter: poses, and what is known of one seen from another."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass
+from itertools import count
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.algorithms.keyframes import moved_covariance
+from mapcli.model.pose import Pose2D
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edge:
+    """Pose `to` as seen from pose `from_`.
+
+    Attributes:
+        covariance: of the measured pose, shape (3, 3), in its own frame.
+        metres: how far the robot drove between them; 0 for a loop.
+    """
+
+    from_: int
+    to: int
+    measured: Pose2D
+    covariance: NDArray[np.float64]
+    metres: float = 0.0
+
+    @property
+    def is_loop(self) -> bool:
+        return self.metres == 0
+
+    def error(self, poses: list[Pose2D]) -> float:
+        """Mahalanobis distance, in standard deviations, of what is measured from the poses."""
+        off = self.measured.between(poses[self.from_].between(poses[self.to]))
+        vector = np.array([off.x, off.y, off.theta])
+        return math.sqrt(float(vector @ np.linalg.solve(self.covariance, vector)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """The shortest way through the graph from one pose to another.
+
+    Attributes:
+        metres: driven along it.
+        covariance: of the other pose as seen from the one, shape (3, 3), in the other's frame.
+    """
+
+    metres: float
+    covariance: NDArray[np.float64]
+
+
+class PoseGraph:
+    """Poses and edges (stateful: `add` and `optimise` change it).
+
+    Attributes:
+        poses: as far as known now; the first stays where it is.
+    """
+
+    LOOP_METRES = 1.0
+    """What a loop counts on a way through the graph."""
+
+    def __init__(self, poses: list[Pose2D]) -> None:
+        self.poses = list(poses)
+        self.edges: list[Edge] = []
+        self._at: list[list[Edge]] = [[] for _ in poses]
+
+    def add(self, edge: Edge) -> None:
+        self.edges.append(edge)
+        self._at[edge.from_].append(edge)
+        self._at[edge.to].append(edge)
+
+    def remove(self, edge: Edge) -> None:
+        self.edges.remove(edge)
+        self._at[edge.from_].remove(edge)
+        self._at[edge.to].remove(edge)
+
+    def ways_from(self, start: int) -> dict[int, Way]:
+        """The shortest way to each pose (Dijkstra), with the uncertainty gathered on it."""
+        ways: dict[int, Way] = {}
+        order = count()  # ties are decided by what was found first
+        waiting: list[tuple[float, int, int, int, Edge | None]] = [(0.0, 0, start, start, None)]
+        while waiting:
+            metres, _, node, before, edge = heapq.heappop(waiting)
+            if node in ways:
+                continue
+            ways[node] = Way(metres, self._gathered(ways, node, before, edge))
+            for edge in self._at[node]:
+                other = edge.to if edge.from_ == node else edge.from_
+                if other not in ways:
+                    length = metres + (edge.metres or self.LOOP_METRES)
+                    heapq.heappush(waiting, (length, next(order), other, node, edge))
+        return ways
+
+    def _gathered(
+        self, ways: dict[int, Way], node: int, before: int, edge: Edge | None
+    ) -> NDArray[np.float64]:
+        """The uncertainty at a pose that is reached from the one before by an edge."""
+        if edge is None:
+            return np.zeros((3, 3))
+        seen = self.poses[node].between(self.poses[before])
+        # An edge's uncertainty is known where it ends; when it is gone backwards, it is moved.
+        step = edge.covariance if edge.to == node else moved_covariance(edge.covariance, seen)
+        return moved_covariance(ways[before].covariance, seen) + step
+
+    def optimise(self) -> None:
+        """Move the poses to where all edges together are satisfied best (Levenberg-Marquardt,
+        by GTSAM); a loop that contradicts the others has less and less say (Cauchy)."""
+        import gtsam  # slow to import, and most short logs have no loops
+
+        noise, factors, values = gtsam.noiseModel, gtsam.NonlinearFactorGraph(), gtsam.Values()
+        doubt = noise.mEstimator.Cauchy.Create(1.0)
+        for number, pose in enumerate(self.poses):
+            values.insert(number, gtsam.Pose2(pose.x, pose.y, pose.theta))
+        factors.add(gtsam.PriorFactorPose2(0, values.atPose2(0), noise.Constrained.All(3)))
+        for edge in self.edges:
+            gaussian = noise.Gaussian.Covariance(edge.covariance)
+            model = noise.Robust.Create(doubt, gaussian) if edge.is_loop else gaussian
+            m = edge.measured
+            between = gtsam.Pose2(m.x, m.y, m.theta)
+            factors.add(gtsam.BetweenFactorPose2(edge.from_, edge.to, between, model))
+        result = gtsam.LevenbergMarquardtOptimizer(factors, values).optimize()
+        found = [result.atPose2(number) for number in range(len(self.poses))]
+        self.poses = [Pose2D(pose.x(), pose.y(), pose.theta()) for pose in found]

@@ -1,0 +1,208 @@
+"""Finding one stretch of the track in the map that another one made: the measurement of a loop.
+
+The points of some metres of track, taken together, are far less ambiguous than one scan. They are
+searched for in a wide window by branch and bound, fitted to the walls, and then asked what else
+would have fitted (Olson 2009: a match is as uncertain as the poses that score nearly as much).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.algorithms._kernels import matching as kernels
+from mapcli.algorithms._kernels.ambiguity import fits
+from mapcli.algorithms.keyframes import Keyframe, around
+from mapcli.algorithms.matching import thinned
+from mapcli.algorithms.occupancy import LEVEL_WIDTHS, MapParameters, OccupancyGrid
+from mapcli.model.pose import Pose2D
+
+TURN_STEP = math.radians(0.5)
+
+EDGE = 2
+"""Cells, or steps of the turn, from the edge of a window at which a better fit may lie outside."""
+
+
+@dataclass(frozen=True)
+class StretchParameters:
+    """How stretches are compared.
+
+    Attributes:
+        points_m, map_m: metres before and after an anchor whose points, or whose map, are taken.
+        apart_m, apart_deg: keyframes nearer to the last one taken than both are left out.
+        search_cell, cell: metres between points that are searched for, and that are fitted.
+        prior: the most that a pose loses by being unlikely, as a share of a perfect score.
+        nearly: poses that score this much less, as a share of a perfect score, are e times less
+            likely.
+        floor, floor_deg: how far off a match may be besides, metres and degrees: the stretches
+            themselves are a little bent.
+        maps: how many maps are kept for the next comparison.
+    """
+
+    points_m: float = 5.0
+    map_m: float = 10.0
+    apart_m: float = 0.5
+    apart_deg: float = 30.0
+    search_cell: float = 0.2
+    cell: float = 0.1
+    prior: float = 0.1
+    nearly: float = 0.02
+    floor: float = 0.02
+    floor_deg: float = 0.2
+    maps: int = 16
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StretchMatch:
+    """Where a stretch was found in another's map.
+
+    Attributes:
+        pose: the one's anchor as seen from the other's.
+        covariance: of it, shape (3, 3), in the found anchor's frame.
+        score: agreement of the points that the map knows something about, 0 to 1.
+        overlap: the share of the points that it knows something about.
+        at_edge: the best fit is at the edge of the window, so a better one may lie outside.
+    """
+
+    pose: Pose2D
+    covariance: NDArray[np.float64]
+    score: float
+    overlap: float
+    at_edge: bool
+
+
+class StretchMatcher:
+    """Compares stretches of a track (stateful: keeps some of their maps)."""
+
+    def __init__(
+        self,
+        keyframes: list[Keyframe],
+        map_: MapParameters,
+        parameters: StretchParameters | None = None,
+    ) -> None:
+        self.keyframes, self.map = keyframes, map_
+        self.parameters = parameters or StretchParameters()
+        self._maps: OrderedDict[int, OccupancyGrid] = OrderedDict()
+
+    def match(
+        self,
+        old: int,
+        new: int,
+        predicted: Pose2D,
+        window: tuple[float, float],
+        deviations: tuple[float, float],
+    ) -> StretchMatch | None:
+        """Look for the surroundings of keyframe `new` in those of `old`.
+
+        Args:
+            predicted: `new` as seen from `old`.
+            window: half-widths around it, metres and radians.
+            deviations: how far off it is likely to be: standard deviations.
+        """
+        points = self.points(new)
+        if not len(points):
+            return None
+        grid, cell = self.map_around(old), self.map.resolution
+        radius = math.sqrt(float((points**2).sum(axis=1).max()))
+        reach, turns = math.ceil(window[0] / cell), math.ceil(window[1] / TURN_STEP)
+        slack = (reach + max(LEVEL_WIDTHS)) * cell + radius * (turns + 1) * TURN_STEP
+        seen = predicted.apply(points)
+        grid.cover(seen.min(axis=0) - slack, seen.max(axis=0) + slack)
+        start = grid.pose_to_cells(predicted)
+        cells = thinned(points, self.parameters.search_cell) / cell
+        du, dv, turn, _, _ = kernels.search(
+            grid.fields, LEVEL_WIDTHS, cells, start, (reach, turns), (1, TURN_STEP),
+            self._prior(len(cells), deviations), 2 if reach < 32 else 3,
+        )  # fmt: skip
+        best = start + np.array([du, dv, turn * TURN_STEP])
+        fit = grid.walls.fit(points, grid.pose_from_cells(best))
+        known, score = kernels.overlap(
+            grid.log_odds, grid.fields[0], cells, grid.pose_to_cells(fit.pose)
+        )
+        at_edge = max(abs(du), abs(dv)) >= reach - EDGE or abs(turn) >= turns - EDGE
+        centre = np.array([start[0] - best[0], start[1] - best[1]]).round()
+        doubt = self._doubt(grid, cells, best, centre, reach)
+        covariance = fit.covariance() + self._floor() + turned(doubt, -fit.pose.theta)
+        return StretchMatch(fit.pose, covariance, score, known / len(cells), at_edge)
+
+    def points(self, anchor: int) -> NDArray[np.float64]:
+        """What was seen around a keyframe, shape (n, 2), in its frame."""
+        p, origin = self.parameters, self.keyframes[anchor].pose
+        seen = [
+            origin.between(self.keyframes[k].pose).apply(self.keyframes[k].perception.hits)
+            for k in self._some(anchor, p.points_m)
+        ]
+        return thinned(np.concatenate(seen), p.cell)
+
+    def map_around(self, anchor: int) -> OccupancyGrid:
+        """The map that was made around a keyframe, in its frame."""
+        if anchor in self._maps:
+            self._maps.move_to_end(anchor)
+            return self._maps[anchor]
+        grid, origin = OccupancyGrid(self.map), self.keyframes[anchor].pose
+        for k in self._some(anchor, self.parameters.map_m):
+            keyframe = self.keyframes[k]
+            grid.integrate(origin.between(keyframe.pose), keyframe.perception)
+        self._maps[anchor] = grid
+        if len(self._maps) > self.parameters.maps:
+            self._maps.popitem(last=False)
+        return grid
+
+    def _some(self, anchor: int, metres: float) -> list[int]:
+        """Keyframes around an anchor, as many as it takes to see everything there."""
+        p, chosen = self.parameters, [anchor]
+        for k in around(self.keyframes, anchor, metres):
+            step = self.keyframes[chosen[-1]].pose.between(self.keyframes[k].pose)
+            far = math.hypot(step.x, step.y) >= p.apart_m
+            if far or abs(step.theta) >= math.radians(p.apart_deg):
+                chosen.append(k)
+        return chosen
+
+    def _prior(self, points: int, deviations: tuple[float, float]) -> kernels.Prior:
+        """What poses lose that the graph thinks unlikely, see `_kernels.matching.penalty`."""
+        most = self.parameters.prior * kernels.FULL * points
+        xy, turn = deviations
+        return most, 9.0, (self.map.resolution / xy) ** 2, (TURN_STEP / turn) ** 2
+
+    def _floor(self) -> NDArray[np.float64]:
+        p = self.parameters
+        return np.diag([p.floor**2, p.floor**2, math.radians(p.floor_deg) ** 2])
+
+    def _doubt(
+        self,
+        grid: OccupancyGrid,
+        cells: NDArray[np.float64],
+        best: NDArray[np.float64],
+        centre: NDArray[np.float64],
+        reach: int,
+    ) -> NDArray[np.float64]:
+        """Covariance, shape (2, 2), of the positions in a window, weighted by how they score.
+
+        `centre` is the window's, in cells from the best pose.
+        """
+        stride, columns = 2, grid.log_odds.shape[1]
+        places = kernels.turned(cells, best, 0, 0.0, columns)[0]
+        places += int(centre[1]) * columns + int(centre[0])
+        sums = fits(grid.fields[1].reshape(-1), places, columns, reach, stride)
+        share = (sums - sums.max()) / (kernels.FULL * len(cells) * self.parameters.nearly)
+        weights = np.exp(share)
+        steps = np.arange(len(sums)) * stride - reach
+        x = (steps + centre[0]) * self.map.resolution
+        y = (steps + centre[1]) * self.map.resolution
+        total = weights.sum()
+        xx, yy = (weights * x**2).sum() / total, (weights.T * y**2).sum() / total
+        xy = (weights * np.outer(y, x)).sum() / total
+        return np.array([[xx, xy], [xy, yy]])
+
+
+def turned(covariance: NDArray[np.float64], theta: float) -> NDArray[np.float64]:
+    """A covariance of positions, shape (2, 2), in axes turned by -theta; shape (3, 3)."""
+    cos, sin = math.cos(theta), math.sin(theta)
+    turn = np.array([[cos, -sin], [sin, cos]])
+    full = np.zeros((3, 3))
+    full[:2, :2] = turn @ covariance @ turn.T
+    return full
