@@ -34,9 +34,9 @@ class SurfelParameters:
         iterations: of Gauss-Newton at most.
     """
 
-    thickness: float = 0.02
+    thickness: float = 0.015
     doubt: float = 3.0
-    independent: float = 0.1
+    independent: float = 0.3
     knee: float = 9.0
     iterations: int = 10
 
