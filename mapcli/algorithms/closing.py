@@ -21,12 +21,14 @@ class RefineParameters:
 
     Attributes:
         rounds: at most; still_m: metres that poses move on average when they move no longer.
-        fewest: a scan with fewer points at walls stays where it is.
+        fewest: a scan with fewer points at walls stays where it is, and so does one that would
+            go farther than `farthest_m`.
     """
 
     rounds: int = 3
     still_m: float = 0.003
     fewest: int = 5
+    farthest_m: float = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +77,8 @@ def refine(
         fitted = []
         for points, pose in zip(track.points, poses, strict=True):
             fit = walls.fit(points.astype(np.float64), pose)
-            fitted.append(fit.pose if fit.fitted >= parameters.fewest else pose)
+            near = pose.distance(fit.pose) <= parameters.farthest_m
+            fitted.append(fit.pose if near and fit.fitted >= parameters.fewest else pose)
         moved = float(np.mean([a.distance(b) for a, b in zip(poses, fitted, strict=True)]))
         poses = fitted
         if moved < parameters.still_m:

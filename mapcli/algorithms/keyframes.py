@@ -69,7 +69,7 @@ class Track:
         self.keyframes.append(Keyframe(len(self.poses) - 1, pose, perception, covariance, metres))
 
 
-TRACKING = 0.03, math.radians(0.3)
+TRACKING = 0.015, math.radians(0.15)
 """Standard deviations of a tracked pose after a metre, or a turn of a radian, at best."""
 
 
