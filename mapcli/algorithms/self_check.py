@@ -94,7 +94,7 @@ def self_check(
             expected="scans that see the same walls, and a trace that is right by 2 m there",
         )
     evaluation = compare_relations(trace, _relations(trace, measured), kind="self-check")
-    return replace(evaluation, total=len(pairs), how="scans at places visited twice, aligned")
+    return replace(evaluation, total=len(pairs), how="those that can be aligned for certain")
 
 
 def revisits(trace: Trajectory, parameters: SelfCheckParameters) -> list[Pair]:

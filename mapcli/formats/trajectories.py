@@ -7,6 +7,7 @@ such as those that `mapcli simulate` writes. Plain or gzip.
 from __future__ import annotations
 
 import gzip
+import hashlib
 import tempfile
 import zlib
 from dataclasses import dataclass
@@ -26,9 +27,10 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 @dataclass(frozen=True, eq=False)
 class LoadedTrajectory:
-    """A trajectory, and what was wrong with its file, one sentence per kind."""
+    """A trajectory, the SHA-256 of its file, and what was wrong with it, a sentence per kind."""
 
     trajectory: Trajectory
+    sha256: str
     warnings: tuple[str, ...] = ()
 
 
@@ -43,16 +45,18 @@ def load_trajectory(path: str, topic: str | None = None) -> LoadedTrajectory:
             that go back.
         DataError: no topic with poses, or no obvious one.
     """
-    data = unpacked(read_file(Path(path)), path)
+    packed = read_file(Path(path))
+    data, digest = unpacked(packed, path), hashlib.sha256(packed).hexdigest()
     if data.startswith(MCAP_MAGIC):
-        return _from_mcap(data, path, topic)
+        trajectory, warnings = _from_mcap(data, path, topic)
+        return LoadedTrajectory(trajectory, digest, warnings)
     if topic is not None:
         raise FormatError(f"has no topic {topic}", file=path, expected="an MCAP file")
     if data.lstrip()[:1] == b"{":
         trajectory = read_trace_poses(data, path)
         _check(trajectory, path)
-        return LoadedTrajectory(trajectory)
-    return LoadedTrajectory(read_trajectory(data, path))
+        return LoadedTrajectory(trajectory, digest)
+    return LoadedTrajectory(read_trajectory(data, path), digest)
 
 
 def unpacked(data: bytes, file: str) -> bytes:
@@ -69,7 +73,7 @@ def unpacked(data: bytes, file: str) -> bytes:
         raise FormatError(f"cannot be unpacked: {error}", file=file, expected="gzip") from error
 
 
-def _from_mcap(data: bytes, file: str, topic: str | None) -> LoadedTrajectory:
+def _from_mcap(data: bytes, file: str, topic: str | None) -> tuple[Trajectory, tuple[str, ...]]:
     from mapcli.formats._log import Source
     from mapcli.formats.mcap_poses import read_mcap_poses
     from mapcli.model.log import Damage
@@ -79,7 +83,7 @@ def _from_mcap(data: bytes, file: str, topic: str | None) -> LoadedTrajectory:
         copy.write(data)
         copy.flush()
         trajectory = read_mcap_poses(Source(file, Path(copy.name)), topic, damage)
-    return LoadedTrajectory(trajectory, tuple(damage.lines()))
+    return trajectory, tuple(damage.lines())
 
 
 def _check(trajectory: Trajectory, file: str) -> None:

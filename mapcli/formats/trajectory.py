@@ -2,7 +2,8 @@
 
     .tum    `t x y z qx qy qz qw`, one pose a line, seconds with all nine decimals (evo, rpg)
     .kitti  the upper 3 x 4 of the pose matrix, row by row, without times (evo, KITTI devkit)
-    .g2o    VERTEX_SE2 and EDGE_SE2: the poses, the steps between them, the loops (g2o, GTSAM)
+    .g2o    VERTEX_SE2 and EDGE_SE2: the poses, the steps between them, the loops (g2o, GTSAM);
+            an edge ends with the upper triangle of its information matrix
     .csv    everything that `trace.json` has, with a head line
 
 Numbers have six decimals, micrometres: finer than any laser, and the same on every machine.
@@ -23,12 +24,12 @@ import numpy as np
 
 from mapcli.errors import DataError, FormatError
 from mapcli.model.pose import Pose2D
-from mapcli.model.trace import PoseTrace
+from mapcli.model.trace import Information, PoseTrace
 from mapcli.model.trajectory import Trajectory
 
 CSV_HEAD = "stamp_ns,x,y,theta,odom_x,odom_y,odom_theta,score,status"
-STEP_INFORMATION = "10000 0 0 10000 0 40000"
-"""Of an edge: 1 cm and 0.3 degrees of standard deviation, upper triangle."""
+STEP_INFORMATION: Information = (10_000, 0, 0, 10_000, 0, 40_000)
+"""Of an edge of which nothing is known: 1 cm and 0.3 degrees of standard deviation."""
 
 
 def dump_trajectory(trace: PoseTrace, path: str | PurePath) -> bytes:
@@ -65,10 +66,16 @@ def _g2o(trace: PoseTrace) -> Iterator[str]:
     poses = [traced.pose for traced in trace.poses]
     for k, pose in enumerate(poses):
         yield f"VERTEX_SE2 {k} {_numbers(pose)}"
-    for k, (a, b) in enumerate(pairwise(poses)):
-        yield f"EDGE_SE2 {k} {k + 1} {_numbers(a.between(b))} {STEP_INFORMATION}"
+    steps = trace.steps or [a.between(b) for a, b in pairwise(poses)]
+    for k, step in enumerate(steps):
+        yield _edge(k, k + 1, step, STEP_INFORMATION)
     for loop in trace.loops:
-        yield f"EDGE_SE2 {loop.from_} {loop.to} {_numbers(loop.pose)} {STEP_INFORMATION}"
+        yield _edge(loop.from_, loop.to, loop.pose, loop.information or STEP_INFORMATION)
+
+
+def _edge(start: int, end: int, motion: Pose2D, information: Information) -> str:
+    weights = " ".join(f"{value:.10g}" for value in information)
+    return f"EDGE_SE2 {start} {end} {_numbers(motion)} {weights}"
 
 
 def _csv(trace: PoseTrace) -> Iterator[str]:
