@@ -14,7 +14,7 @@ from mapcli.model.trajectory import Trajectory
 TITLES = {"ate": "ATE", "rpe": "RPE", "relations": "relations", "self_check": "self-check"}
 
 WORST = 3
-"""Errors named one by one."""
+"""Relations named one by one."""
 
 
 def described(trajectory: Trajectory) -> str:
@@ -74,7 +74,9 @@ def _worst(evaluation: Evaluation) -> Iterator[tuple[str, str]]:
     """Where to look first."""
     errors = next(iter(evaluation.errors.values()))
     order = np.argsort(-errors.metres, kind="stable").tolist()
-    for name, k in zip(["worst", *[""] * WORST], order[:WORST], strict=False):
+    # Beside the worst pose of a path are the next worst; relations say something each.
+    shown = order[:1] if evaluation.relations is None else order[:WORST]
+    for name, k in zip(["worst", *[""] * WORST], shown, strict=False):
         place = _place(evaluation, k, float(errors.seconds[k]))
         yield name, f"{errors.metres[k]:.3f} m, {errors.degrees[k]:.2f} deg {place}"
 
