@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mapcli.errors import DataError
 from mapcli.model.evaluation import Errors, Evaluation, Kind
+from mapcli.model.log import counted
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.trajectory import (
     Poses,
@@ -127,16 +128,19 @@ def _overlap_s(trace: Trajectory, reference: Trajectory) -> float | None:
 
 def _no_match(trace: Trajectory, reference: Trajectory, matched: int, how: str) -> DataError:
     if trace.stamps_ns is None or reference.stamps_ns is None:
-        return DataError(f"{matched} poses to compare", expected="at least two")
-    spans = [
-        f"{len(t):,} poses from {t.stamps_ns[0] * 1e-9:.3f} to {t.stamps_ns[-1] * 1e-9:.3f} s"
-        for t in (trace, reference)
-        if t.stamps_ns is not None
-    ]
+        return DataError(f"only {counted(matched, 'poses')} to compare", expected="at least two")
     return DataError(
-        f"{matched} poses match ({how}): the trace has {spans[0]}, the reference {spans[1]}",
+        f"{counted(matched, 'poses')} matched {how}: the trace has {_span(trace)}, "
+        f"the reference {_span(reference)}",
         expected="at least two, from one recording and one clock (--max-diff, --interpolate)",
     )
+
+
+def _span(trajectory: Trajectory) -> str:
+    """ "509 poses from 1.200 to 102.800 s"."""
+    assert trajectory.stamps_ns is not None
+    start, end = (int(trajectory.stamps_ns[k]) * 1e-9 for k in (0, -1))
+    return f"{counted(len(trajectory), 'poses')} from {start:.3f} to {end:.3f} s"
 
 
 def nearest(mine: Stamps, other: Stamps, max_diff_s: float) -> tuple[Indices, Indices]:
@@ -240,8 +244,7 @@ def compare_relations(
     used = np.flatnonzero(inside[0] & inside[1])
     if not len(used):
         raise DataError(
-            f"covers none of the {len(relations):,} relations: "
-            f"it is from {stamps[0] * 1e-9:.3f} to {stamps[-1] * 1e-9:.3f} s",
+            f"covers none of {counted(len(relations), 'relations')}: it has {_span(trace)}",
             expected="a trace of the log that the relations belong to",
         )
     kept = Relations(relations.from_ns[used], relations.to_ns[used], relations.poses[used])

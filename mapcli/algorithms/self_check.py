@@ -25,7 +25,7 @@ from mapcli.errors import DataError
 from mapcli.model.evaluation import Evaluation
 from mapcli.model.pose import Pose2D, interpolate
 from mapcli.model.scan import RangeScan, Record
-from mapcli.model.trajectory import Relations, Trajectory, wrap_angles
+from mapcli.model.trajectory import Relations, Stamps, Trajectory, wrap_angles
 
 Pair = tuple[int, int]
 """Indices of two poses of a trace, the earlier first."""
@@ -106,17 +106,26 @@ def revisits(trace: Trajectory, parameters: SelfCheckParameters) -> list[Pair]:
     if trace.stamps_ns is None:
         raise DataError("the trace has no times", expected="times, to find its scans by")
     p, poses, driven = parameters, trace.poses, trace.driven()
-    pairs = []
-    for later in range(0, len(trace), max(len(trace) // 2000, 1)):
+    alone, pairs = _alone(trace.stamps_ns), []
+    for later in np.flatnonzero(alone)[:: max(len(trace) // 2000, 1)].tolist():
         earlier = int(np.searchsorted(driven, driven[later] - p.apart_m, side="right"))
         distance = np.hypot(*(poses[:earlier, :2] - poses[later, :2]).T)
         # A scanner that looks ahead sees the same walls only when it faces the same way.
         turn = np.abs(wrap_angles(poses[:earlier, 2] - poses[later, 2]))
-        cost = np.where(distance <= p.near_m, distance + turn, np.inf)
+        cost = np.where(alone[:earlier] & (distance <= p.near_m), distance + turn, np.inf)
         if earlier and np.isfinite(cost).any():
             pairs.append((int(np.argmin(cost)), later))
     chosen = np.linspace(0, len(pairs) - 1, min(p.most, len(pairs))).round().astype(int)
     return [pairs[k] for k in dict.fromkeys(chosen.tolist())]
+
+
+def _alone(stamps: Stamps) -> NDArray[np.bool_]:
+    """Which poses no other has nearly the stamp of: only of these the scan is known."""
+    alone = np.ones(len(stamps), dtype=np.bool_)
+    near = np.diff(stamps) <= 2e9 * SAME_STAMP_S
+    alone[1:] &= ~near
+    alone[:-1] &= ~near
+    return alone
 
 
 def _scans_of(

@@ -9,6 +9,7 @@ import numpy as np
 
 from mapcli.algorithms.evaluate import EvaluateParameters
 from mapcli.model.evaluation import STATISTICS, Errors, Evaluation, statistics
+from mapcli.model.log import counted
 from mapcli.model.trajectory import Trajectory
 
 TITLES = {"ate": "ATE", "rpe": "RPE", "relations": "relations", "self_check": "self-check"}
@@ -19,7 +20,7 @@ WORST = 3
 
 def described(trajectory: Trajectory) -> str:
     """ "509 poses, 101.6 s"."""
-    poses = f"{len(trajectory):,} poses"
+    poses = counted(len(trajectory), "poses")
     if trajectory.stamps_ns is None:
         return f"{poses} without times"
     return f"{poses}, {trajectory.seconds()[-1]:,.1f} s"
@@ -33,8 +34,8 @@ def report_lines(
     head.append(("compared", _compared(evaluation)))
     if evaluation.reference is not None:
         pose = evaluation.aligned
-        turn = math.degrees(pose.theta)
-        head.append(("aligned", f"by x {pose.x:.3f} m, y {pose.y:.3f} m, turn {turn:.2f} deg"))
+        x, y, turn = (round(v, 3) + 0.0 for v in (pose.x, pose.y, math.degrees(pose.theta)))
+        head.append(("aligned", f"by x {x:.3f} m, y {y:.3f} m, turn {turn:.2f} deg"))
     lines = [f"{name:>11}  {text}" for name, text in head]
     lines += ["", " " * 33 + "".join(f"{name:>10}" for name in STATISTICS)]
     for measure, errors in evaluation.errors.items():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,9 @@ from mapcli.commands._options import (
 )
 from mapcli.commands._output import check_outputs, write_bytes
 from mapcli.errors import MapcliError
+from mapcli.formats.logs import Log
 from mapcli.model.evaluation import Evaluation, Kind, all_limit_fields, limit_fields
+from mapcli.model.log import counted
 from mapcli.model.scan import Odometry, Record
 from mapcli.model.summary import Limit
 from mapcli.model.trajectory import Trajectory
@@ -212,7 +214,7 @@ class _Run:
         self.digests[Path(reference).name] = hashlib.sha256(
             Path(reference).read_bytes()
         ).hexdigest()
-        self.against = f"{reference}: {len(relations):,} relations"
+        self.against = f"{reference}: {counted(len(relations), 'relations')}"
         odometry = None if self.files.odometry is None else self._odometry(self.files.odometry)
         return compare_relations(trace, relations, odometry)
 
@@ -233,9 +235,13 @@ class _Run:
         return Trajectory(poses, np.array([r.stamp_ns for r in readings], dtype=np.int64))
 
     def _records(self, name: str) -> Iterable[Record]:
+        """The records of a log, which is opened at once."""
         log = self.log_input.open([name])
-        yield from self.log_input.records(log)
         self.digests |= log.digests()
+        return self._telling(log)
+
+    def _telling(self, log: Log) -> Iterator[Record]:
+        yield from self.log_input.records(log)
         if not self.quiet:
             say_notes(log, verbose=self.verbose)
 

@@ -35,7 +35,11 @@ def read_mcap_poses(source: Source, topic: str | None, damage: Damage) -> Trajec
     """
     file = McapFile(source, damage)
     carriers = topics_of([file])
-    chosen = choose_pose_topic([*carriers], topic, source.name)
+    try:
+        chosen = choose_pose_topic([*carriers], topic, source.name)
+    except DataError as error:
+        error.where = "; ".join(damage.lines()) or None
+        raise
     decoder = DECODERS[chosen.type]
     rows = []
     for log_time, _, data in file.messages({number for _, number in carriers[chosen]}, damage):

@@ -32,7 +32,7 @@ def load_relations(path: str) -> Relations:
     Raises:
         FormatError: no such file, no relations in it, or a line that is not one.
     """
-    data = unpacked(read_file(Path(path)), path)
+    data = unpacked(read_file(Path(path), "a file of relations"), path)
     starts, ends, poses = [], [], []
     for line, words in rows_of_words(data):
         where = f"line {line}"

@@ -45,7 +45,7 @@ def load_trajectory(path: str, topic: str | None = None) -> LoadedTrajectory:
             that go back.
         DataError: no topic with poses, or no obvious one.
     """
-    packed = read_file(Path(path))
+    packed = read_file(Path(path), EXPECTED)
     data, digest = unpacked(packed, path), hashlib.sha256(packed).hexdigest()
     if data.startswith(MCAP_MAGIC):
         trajectory, warnings = _from_mcap(data, path, topic)

@@ -128,6 +128,8 @@ def read_trajectory(data: bytes, file: str) -> Trajectory:
     Raises:
         FormatError: of none of them, a bad line, no poses, or stamps that go back.
     """
+    if b"\0" in data[:4096]:
+        raise FormatError("is no text", file=file, expected=EXPECTED)
     rows = list(rows_of_words(data))
     if not rows:
         raise FormatError("has no poses", file=file, expected=EXPECTED)
@@ -168,8 +170,9 @@ def _number(word: str, file: str, where: str, expected: str) -> float:
         number = float(word)
     except ValueError:
         number = math.nan
-    if not abs(number) < max(FARTHEST_M, LATEST_S):
-        raise FormatError(f"{word!r} is no number", file=file, where=where, expected=expected)
+    if not math.isfinite(number):
+        problem = f"{word!r} is no finite number"
+        raise FormatError(problem, file=file, where=where, expected=expected)
     return number
 
 
