@@ -14,12 +14,11 @@ from mapcli.algorithms.evaluate import (
     EvaluateParameters,
     alignment,
     compare,
-    compare_relations,
     nearest,
     pairs_apart,
-    poses_at,
     within_gaps,
 )
+from mapcli.algorithms.relations import compare_relations, poses_at
 from mapcli.errors import DataError
 from mapcli.formats.logs import open_log
 from mapcli.formats.trajectories import load_trajectory

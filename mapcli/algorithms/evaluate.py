@@ -1,9 +1,8 @@
-"""How good a trajectory is: ATE and RPE against a reference, and relations between poses.
+"""How good a trajectory is: ATE and RPE against a reference.
 
 ATE (absolute trajectory error) and RPE (relative pose error) are those of Sturm et al. 2012, "A
 benchmark for the evaluation of RGB-D SLAM systems", with the same definitions as the tool evo, so
-that numbers can be compared. Relations are those of Kuemmerle et al. 2009, "On measuring the
-accuracy of SLAM algorithms": they need no alignment and do not care where an error happened.
+that numbers can be compared.
 """
 
 from __future__ import annotations
@@ -15,24 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.errors import DataError
-from mapcli.model.evaluation import Errors, Evaluation, Kind
+from mapcli.model.evaluation import Errors, Evaluation
 from mapcli.model.log import counted
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.trajectory import (
     Poses,
-    Relations,
     Stamps,
     Trajectory,
     between,
-    compose,
     interpolated,
     moved,
 )
 
 Indices = NDArray[np.intp]
-
-SLACK_NS = 200
-"""Relations name stamps of the log with microseconds; less than half of one is rounding."""
 
 
 @dataclass(frozen=True)
@@ -130,17 +124,10 @@ def _no_match(trace: Trajectory, reference: Trajectory, matched: int, how: str) 
     if trace.stamps_ns is None or reference.stamps_ns is None:
         return DataError(f"only {counted(matched, 'poses')} to compare", expected="at least two")
     return DataError(
-        f"{counted(matched, 'poses')} matched {how}: the trace has {_span(trace)}, "
-        f"the reference {_span(reference)}",
+        f"{counted(matched, 'poses')} matched {how}: the trace has {trace.span()}, "
+        f"the reference {reference.span()}",
         expected="at least two, from one recording and one clock (--max-diff, --interpolate)",
     )
-
-
-def _span(trajectory: Trajectory) -> str:
-    """ "509 poses from 1.200 to 102.800 s"."""
-    assert trajectory.stamps_ns is not None
-    start, end = (int(trajectory.stamps_ns[k]) * 1e-9 for k in (0, -1))
-    return f"{counted(len(trajectory), 'poses')} from {start:.3f} to {end:.3f} s"
 
 
 def nearest(mine: Stamps, other: Stamps, max_diff_s: float) -> tuple[Indices, Indices]:
@@ -217,58 +204,3 @@ def _every_metres(poses: Poses, metres: float) -> list[int]:
             chosen.append(k)
             driven = 0.0
     return chosen
-
-
-def compare_relations(
-    trace: Trajectory,
-    relations: Relations,
-    odometry: Trajectory | None = None,
-    kind: Kind = "relations",
-) -> Evaluation:
-    """What is left between measured relations and those between the trace's poses.
-
-    Args:
-        odometry: with it, the pose between two of the trace's is the one before, composed with
-            the odometry since; without, it is interpolated between the two.
-
-    Raises:
-        DataError: a trace without times, or that covers none of the relations.
-    """
-    stamps = trace.stamps_ns
-    if stamps is None:
-        raise DataError("the trace has no times", expected="times, to find the relations' poses by")
-    inside = [
-        (t >= stamps[0] - SLACK_NS) & (t <= stamps[-1] + SLACK_NS)
-        for t in (relations.from_ns, relations.to_ns)
-    ]
-    used = np.flatnonzero(inside[0] & inside[1])
-    if not len(used):
-        raise DataError(
-            f"covers none of {counted(len(relations), 'relations')}: it has {_span(trace)}",
-            expected="a trace of the log that the relations belong to",
-        )
-    kept = Relations(relations.from_ns[used], relations.to_ns[used], relations.poses[used])
-    found = between(poses_at(kept.from_ns, trace, odometry), poses_at(kept.to_ns, trace, odometry))
-    seconds = (np.maximum(kept.from_ns, kept.to_ns) - stamps[0]) * 1e-9
-    measure = "relations" if kind == "relations" else "self_check"
-    bridged = "interpolated" if odometry is None else "the last one carried on by odometry"
-    return Evaluation(
-        kind=kind,
-        errors={measure: Errors.of(kept.poses, found, seconds)},
-        matched=len(used),
-        total=len(relations),
-        how=f"between the trace's poses: {bridged}",
-        trace=trace,
-        relations=kept,
-    )
-
-
-def poses_at(moments: Stamps, trace: Trajectory, odometry: Trajectory | None) -> Poses:
-    """The poses at any moments within the trace, shape (k, 3); see `compare_relations`."""
-    if odometry is None:
-        return interpolated(moments, trace)
-    stamps = trace.stamps_ns
-    assert stamps is not None, "a trace with times"
-    last = np.maximum(np.searchsorted(stamps, moments + SLACK_NS, side="right") - 1, 0)
-    since = between(interpolated(stamps[last], odometry), interpolated(moments, odometry))
-    return compose(trace.poses[last], since)

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels.matching import overlap
-from mapcli.algorithms.evaluate import compare_relations, nearest
+from mapcli.algorithms.evaluate import nearest
 from mapcli.algorithms.matching import MatchParameters, Spread, best_pose, thinned
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import Perception, PerceptionParameters, perceive
+from mapcli.algorithms.relations import compare_relations
 from mapcli.errors import DataError
 from mapcli.model.evaluation import Evaluation
 from mapcli.model.pose import Pose2D, interpolate

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import click
 
-from mapcli.commands._log_options import LogInput, log_input_options, say_notes
+from mapcli.algorithms.evaluate import EvaluateParameters
+from mapcli.commands._evaluate_report import report_lines
+from mapcli.commands._evaluate_run import EvaluateRun, Files
+from mapcli.commands._log_options import LogInput, log_input_options
 from mapcli.commands._options import (
     FILE,
     NOT_NEGATIVE,
@@ -21,19 +22,19 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import check_outputs, write_bytes
-from mapcli.errors import MapcliError
-from mapcli.formats.logs import Log
-from mapcli.model.evaluation import Evaluation, Kind, all_limit_fields, limit_fields
-from mapcli.model.log import counted
-from mapcli.model.scan import Odometry, Record
+from mapcli.model.evaluation import all_limit_fields, limit_fields
 from mapcli.model.summary import Limit
-from mapcli.model.trajectory import Trajectory
+
+DEFAULTS = EvaluateParameters()
 
 
 class DeltaType(click.ParamType[Any]):
     """`10f` or `2m` on the command line, a number and its unit inside."""
 
     name = "N[f|m]"
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        return self.name
 
     def convert(self, value: Any, param: Any, ctx: Any) -> Any:
         if isinstance(value, tuple):
@@ -45,28 +46,6 @@ class DeltaType(click.ParamType[Any]):
         return number, "f" if match[1] else "m"
 
 
-@dataclass(frozen=True)
-class Files:
-    """What is compared: names as typed, None where not given."""
-
-    trace: str
-    reference: str | None
-    self_check: str | None
-    odometry: str | None
-
-    @property
-    def kind(self) -> Kind:
-        from mapcli.formats.relations import is_relations
-
-        if self.self_check is not None:
-            return "self-check"
-        return "relations" if is_relations(self.reference or "") else "trajectory"
-
-    def inputs(self) -> list[str]:
-        named = self.trace, self.reference, self.self_check, self.odometry
-        return [name for name in named if name is not None]
-
-
 @click.command(short_help="Say how far a pose trace is from the truth, or from itself.")
 @click.argument("trace", metavar="TRACE", type=FILE)
 @click.argument("reference", metavar="[REFERENCE]", type=FILE, required=False)
@@ -74,11 +53,13 @@ class Files:
               "of places that the robot came back to, one against the other.")  # fmt: skip
 @click.option("--odometry", metavar="LOG", type=FILE, help="With relations: carry poses on from "
               "scan to scan by the odometry of this log, instead of interpolating.")  # fmt: skip
-@click.option("--max-diff", type=NOT_NEGATIVE, default=0.01, show_default=True, metavar="S",
+@click.option("--max-diff", type=NOT_NEGATIVE, default=DEFAULTS.max_diff_s, show_default=True,
+              metavar="S",
               help="Poses whose stamps differ by no more seconds are compared.")  # fmt: skip
 @click.option("--interpolate", type=POSITIVE, metavar="S", help="Interpolate REFERENCE at the "
               "stamps of TRACE instead, between poses at most S seconds apart.")  # fmt: skip
-@click.option("--delta", type=DeltaType(), default="1f", show_default=True, help="RPE compares "
+@click.option("--delta", type=DeltaType(), default=f"{DEFAULTS.delta:g}{DEFAULTS.delta_unit}",
+              show_default=True, help="RPE compares "
               "motions over N poses (f) or over N metres of the path (m).")  # fmt: skip
 @click.option("--topic", metavar="TOPIC", help="Where the poses of an MCAP REFERENCE are, if "
               "there are several.")  # fmt: skip
@@ -120,14 +101,10 @@ def command(
     _check_usage(files, limits)
     outputs = [name for name in (json_file, png) if name is not None]
     check_outputs(outputs, files.inputs(), "files", no_clobber=no_clobber)
-    from mapcli.algorithms.evaluate import EvaluateParameters
-
     parameters = EvaluateParameters(max_diff, interpolate, *delta)
-    run = _Run(files, log_input, parameters, topic, quiet=quiet, verbose=verbose)
+    run = EvaluateRun(files, log_input, parameters, topic, quiet=quiet, verbose=verbose)
     evaluation = run.evaluate()
     if not quiet:
-        from mapcli.commands._evaluate_report import report_lines
-
         lines = report_lines(evaluation, files.trace, run.against, parameters)
         click.echo("\n".join(lines), err="-" in outputs)
     if json_file is not None:
@@ -163,109 +140,3 @@ def _check_usage(files: Files, limits: Iterable[Limit]) -> None:
             raise click.UsageError(
                 f"--fail-if: no {limit.field!r} against {files.kind}; there are {listed}."
             )
-
-
-class _Run:
-    """One evaluation (stateful: `digests` fills while files are read).
-
-    Attributes:
-        digests: file name -> SHA-256, for the head of the document.
-        against: what the trace is compared with, for people.
-    """
-
-    def __init__(
-        self, files: Files, log_input: LogInput, parameters: Any, topic: str | None, *,
-        quiet: bool, verbose: bool,
-    ) -> None:  # fmt: skip
-        self.files, self.log_input, self.parameters = files, log_input, parameters
-        self.topic, self.quiet, self.verbose = topic, quiet, verbose
-        self.digests: dict[str, str] = {}
-        self.against = ""
-
-    def evaluate(self) -> Evaluation:
-        """Load and compare.
-
-        Raises:
-            MapcliError: what the readers and the algorithms raise, with the trace's name.
-        """
-        trace = self._load(self.files.trace, None)
-        try:
-            if self.files.self_check is not None:
-                return self._self_check(trace, self.files.self_check)
-            if self.files.kind == "relations":
-                return self._relations(trace, str(self.files.reference))
-            return self._trajectory(trace, str(self.files.reference))
-        except MapcliError as error:
-            error.file = error.file or self.files.trace
-            raise
-
-    def _trajectory(self, trace: Trajectory, reference: str) -> Evaluation:
-        from mapcli.algorithms.evaluate import compare
-
-        truth = self._load(reference, self.topic)
-        self.against = f"{reference}: {_described(truth)}"
-        return compare(trace, truth, self.parameters)
-
-    def _relations(self, trace: Trajectory, reference: str) -> Evaluation:
-        from mapcli.algorithms.evaluate import compare_relations
-        from mapcli.formats.relations import load_relations
-
-        relations = load_relations(reference)
-        self.digests[Path(reference).name] = hashlib.sha256(
-            Path(reference).read_bytes()
-        ).hexdigest()
-        self.against = f"{reference}: {counted(len(relations), 'relations')}"
-        odometry = None if self.files.odometry is None else self._odometry(self.files.odometry)
-        return compare_relations(trace, relations, odometry)
-
-    def _self_check(self, trace: Trajectory, name: str) -> Evaluation:
-        from mapcli.algorithms.self_check import self_check
-
-        self.against = f"{name}: its own closed loops"
-        return self_check(trace, self._records(name))
-
-    def _odometry(self, name: str) -> Trajectory:
-        """All odometry of a log."""
-        import numpy as np
-
-        readings = [record for record in self._records(name) if isinstance(record, Odometry)]
-        if not readings:
-            raise MapcliError("has no odometry", file=name)
-        poses = np.array([(r.pose.x, r.pose.y, r.pose.theta) for r in readings])
-        return Trajectory(poses, np.array([r.stamp_ns for r in readings], dtype=np.int64))
-
-    def _records(self, name: str) -> Iterable[Record]:
-        """The records of a log, which is opened at once."""
-        log = self.log_input.open([name])
-        self.digests |= log.digests()
-        return self._telling(log)
-
-    def _telling(self, log: Log) -> Iterator[Record]:
-        yield from self.log_input.records(log)
-        if not self.quiet:
-            say_notes(log, verbose=self.verbose)
-
-    def _load(self, name: str, topic: str | None) -> Trajectory:
-        from mapcli.formats.trajectories import load_trajectory
-
-        loaded = load_trajectory(name, topic)
-        self.digests[Path(name).name] = loaded.sha256
-        for warning in () if self.quiet else loaded.warnings:
-            click.echo(f"Warning: {name}: {warning}", err=True)
-        return loaded.trajectory
-
-    def effective_parameters(self) -> dict[str, Any]:
-        """Everything that the result depends on besides the files."""
-        if self.files.kind == "trajectory":
-            return {**asdict(self.parameters), "topic": self.topic}
-        if self.files.kind == "relations":
-            return {"odometry": self.files.odometry is not None}
-        from mapcli.algorithms.self_check import SelfCheckParameters
-
-        return {**self.log_input.parameters(), **asdict(SelfCheckParameters())}
-
-
-def _described(trajectory: Trajectory) -> str:
-    from mapcli.commands._evaluate_report import described
-
-    return described(trajectory)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mapcli.model.log import counted
 from mapcli.model.pose import Pose2D
 
 Poses = NDArray[np.float64]
@@ -40,6 +41,14 @@ class Trajectory:
         if self.stamps_ns is None:
             return np.arange(len(self), dtype=np.float64)
         return np.asarray(self.stamps_ns - self.stamps_ns[:1], dtype=np.float64) * 1e-9
+
+    def span(self) -> str:
+        """How many and from when to when, for people: "509 poses from 1.200 to 102.800 s"."""
+        count = counted(len(self), "poses")
+        if self.stamps_ns is None:
+            return f"{count} without times"
+        start, end = (int(self.stamps_ns[k]) * 1e-9 for k in (0, -1))
+        return f"{count} from {start:.3f} to {end:.3f} s"
 
     def driven(self) -> NDArray[np.float64]:
         """Metres along the path up to each pose, shape (n,)."""
