@@ -9,19 +9,16 @@ there at all, and prints how far the poses are from the true ones after the best
 from __future__ import annotations
 
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
-import numpy as np
-from slam import poses_of
+from slam import MAPCLI, evaluate
 
 from mapcli.formats.logs import open_log
 from mapcli.formats.mcap_log import McapLogWriter
 from mapcli.model.scan import RangeScan
 
 FIXTURES = Path(__file__).parent.parent / "fixtures"
-MAPCLI = Path(sys.executable).parent / "mapcli"
 
 CASES = {
     "as in the fixtures, 10 scans a second": [],
@@ -36,34 +33,10 @@ CASES = {
 }  # fmt: skip
 
 
-def truth_of(log: Path) -> tuple[list[float], list[tuple[float, float]]]:
-    """Stamps and true positions, from the simulator's own topic."""
-    from mcap.reader import make_reader
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    stamps, places = [], []
-    with log.open("rb") as file:
-        for schema, _, message in make_reader(file).iter_messages(["/ground_truth"]):
-            assert schema is not None
-            pose = store.deserialize_cdr(message.data, schema.name).pose.position  # type: ignore[attr-defined]
-            stamps.append(message.log_time * 1e-9)
-            places.append((pose.x, pose.y))
-    return stamps, places
-
-
 def error(log: Path, truth: Path, out: Path) -> float:
     """Replay and compare: root mean square distance from the truth, metres."""
     subprocess.run([MAPCLI, "slam-replay", "-q", log, "-o", out], check=True)
-    stamps, poses = poses_of(out)
-    times, places = truth_of(truth)
-    ours = np.array([(pose.x, pose.y) for pose in poses])
-    theirs = np.column_stack([np.interp(stamps, times, axis) for axis in np.array(places).T])
-    a, b = ours - ours.mean(axis=0), theirs - theirs.mean(axis=0)
-    turn = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
-    cos, sin = np.cos(turn), np.sin(turn)
-    moved = np.column_stack([cos * a[:, 0] - sin * a[:, 1], sin * a[:, 0] + cos * a[:, 1]])
-    return float(np.sqrt(((moved - b) ** 2).sum(axis=1).mean()))
+    return evaluate(out / "trace.json", truth)["ate_rmse"]
 
 
 def main() -> None:

@@ -1,127 +1,114 @@
-"""Accuracy and speed of `mapcli slam-replay` on the real logs, as whole commands.
+"""Accuracy, speed and memory of `mapcli slam-replay` on the real logs, as whole commands.
 
-    python benchmarks/slam.py ../shared/datasets [NAME...]
+    python benchmarks/slam.py ../shared/datasets [NAME...] [--save FILE] [-- REPLAY_OPTIONS...]
 
-Runs the installed command on every log (twice: the second run has the compiled kernels cached),
-reads the trace it wrote, and compares:
+Runs the installed command on every log twice (the second run has the compiled loops cached and
+is the one that is timed) and then `mapcli evaluate`:
 
-- with the relations of Kuemmerle et al. 2009 where there are any (`NAME.relations.gz`): mean and
-  standard deviation of the translation and of the rotation that are left between the measured
-  relation and the one between the two poses; between scans, the pose is that of the scan before,
-  composed with the odometry since;
-- with a reference trajectory (`NAME.ref.txt`): root mean square distance of the positions after
-  the best rigid alignment (ATE).
+- against the relations of Kuemmerle et al. 2009 where there are any (`NAME.relations.gz`), with
+  the odometry of the log between scans: mean and standard deviation of translation and rotation;
+- against a reference trajectory (`NAME.ref.txt`): ATE, the root mean square distance after the
+  best rigid alignment.
+
+Prints a Markdown table; `--save FILE` writes it to a file too.
 """
 
 from __future__ import annotations
 
-import gzip
+import argparse
 import json
-import math
 import os
 import subprocess
 import sys
 import tempfile
 import time
-from bisect import bisect_right
 from pathlib import Path
+from typing import Any, NamedTuple
 
-import numpy as np
+MAPCLI = Path(sys.executable).parent / "mapcli"
 
-from mapcli.formats.logs import open_log
-from mapcli.model.pose import Pose2D
-from mapcli.model.scan import Odometry
+HEAD = """\
+| log | scans | wall s | CPU s | times real time | peak MB | error |
+|---|---|---|---|---|---|---|"""
 
-SLACK_S = 2e-7
-"""The relations' times are stamps of the log, which are at least a microsecond apart."""
+CLOCKS_AGREE_S = "0.05"
+"""Stamps of references are rounded; scans are at least twice as far apart."""
 
 
-def replay(log: Path, out: Path, options: list[str]) -> tuple[float, float, float]:
-    """Run the command. Returns wall seconds, CPU seconds and the peak memory in MB."""
-    command = [Path(sys.executable).parent / "mapcli", "slam-replay", log, "-q", "-o", out]
+class Cost(NamedTuple):
+    """What a run of the command took: seconds by the clock and of the processor, peak memory."""
+
+    wall_s: float
+    cpu_s: float
+    peak_mb: float
+
+
+def replay(log: Path, out: Path, options: list[str]) -> Cost:
+    """Run the command."""
     start = time.perf_counter()
-    process = subprocess.Popen([*command, *options])
+    process = subprocess.Popen([MAPCLI, "slam-replay", log, "-q", "-o", out, *options])
     _, status, used = os.wait4(process.pid, 0)
     wall = time.perf_counter() - start
     if status:
         raise SystemExit(f"{log}: exit status {status}")
-    return wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
+    return Cost(wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
 
 
-def poses_of(out: Path) -> tuple[list[float], list[Pose2D]]:
-    """Stamps in seconds and poses of a trace."""
-    rows = json.loads((out / "trace.json").read_text())["poses"]
+def evaluate(*arguments: str | Path) -> dict[str, float]:
+    """The summary of `mapcli evaluate`."""
+    command = [MAPCLI, "evaluate", "-q", "--json", "-", *arguments]
+    document = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+    return dict(document["summary"])
+
+
+def error_of(log: Path, name: str, trace: Path) -> str:
+    """How far the trace is from what is known about the log."""
+    relations, reference = (log.with_name(f"{name}{s}") for s in (".relations.gz", ".ref.txt"))
+    texts = []
+    if relations.exists():
+        found = evaluate(trace, relations, "--odometry", log)
+        length = f"{found['relations_mean']:.4f} ± {found['relations_std']:.4f} m"
+        turn = f"{found['relations_rot_mean']:.2f} ± {found['relations_rot_std']:.2f} deg"
+        texts.append(f"relations {length}, {turn}")
+    if reference.exists():
+        found = evaluate(trace, reference, "--max-diff", CLOCKS_AGREE_S)
+        texts.append(f"ATE {found['ate_rmse']:.3f} m")
+    return "; ".join(texts) or "nothing to compare with"
+
+
+def row(log: Path, name: str, options: list[str]) -> str:
+    """A line of the table."""
+    with tempfile.TemporaryDirectory() as scratch:
+        out = Path(scratch)
+        replay(log, out, options)
+        cost = replay(log, out, options)
+        trace = out / "trace.json"
+        summary: dict[str, Any] = json.loads(trace.read_text())["summary"]
+        error = error_of(log, name, trace)
+    times = summary["duration_s"] / cost.wall_s
     return (
-        [row["stamp_ns"] * 1e-9 for row in rows],
-        [Pose2D(row["x"], row["y"], row["theta"]) for row in rows],
+        f"| {name} | {summary['scans']:,} | {cost.wall_s:.2f} | {cost.cpu_s:.2f} | "
+        f"{times:,.0f} | {cost.peak_mb:.0f} | {error} |"
     )
-
-
-def relation_errors(log: Path, relations: Path, out: Path) -> tuple[float, float, float, float]:
-    """Mean and deviation of the translation error (m), the same of the rotation error (deg)."""
-    stamps, poses = poses_of(out)
-    odometry = [r for r in open_log([str(log)]).records() if isinstance(r, Odometry)]
-    odometry_stamps = [record.stamp_ns * 1e-9 for record in odometry]
-
-    def odometry_at(t: float) -> Pose2D:
-        return odometry[bisect_right(odometry_stamps, t + SLACK_S) - 1].pose
-
-    def pose_at(t: float) -> Pose2D:
-        k = max(bisect_right(stamps, t + SLACK_S) - 1, 0)
-        return poses[k].compose(odometry_at(stamps[k]).between(odometry_at(t)))
-
-    with gzip.open(relations, "rt") as file:
-        rows = [[float(x) for x in line.split()] for line in file if not line.startswith("#")]
-    lengths, turns = [], []
-    for t1, t2, x, y, _, _, _, yaw in rows:
-        error = Pose2D(x, y, yaw).between(pose_at(t1).between(pose_at(t2)))
-        lengths.append(math.hypot(error.x, error.y))
-        turns.append(abs(math.degrees(error.theta)))
-    return (
-        float(np.mean(lengths)),
-        float(np.std(lengths)),
-        float(np.mean(turns)),
-        float(np.std(turns)),
-    )
-
-
-def trajectory_error(reference: Path, out: Path) -> float:
-    """ATE in metres after rigid alignment, over the poses that the reference knows."""
-    stamps, poses = poses_of(out)
-    rows = np.loadtxt(reference)
-    nearest = [int(np.argmin(np.abs(rows[:, 0] - t))) for t in stamps]
-    same = [k for k, n in enumerate(nearest) if abs(rows[n, 0] - stamps[k]) < 0.05]
-    ours = np.array([(poses[k].x, poses[k].y) for k in same])
-    theirs = rows[[nearest[k] for k in same], 1:3]
-    a, b = ours - ours.mean(axis=0), theirs - theirs.mean(axis=0)
-    turn = math.atan2(float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()), float((a * b).sum()))
-    moved = Pose2D(0.0, 0.0, turn).apply(a)
-    return float(np.sqrt(((moved - b) ** 2).sum(axis=1).mean()))
 
 
 def main() -> None:
-    folder, *names = sys.argv[1:]
-    options = [name for name in names if name.startswith("-")]
-    names = [name for name in names if not name.startswith("-")]
-    logs = sorted(Path(folder).glob("*.log.gz"))
-    print(f"{'log':14} {'scans':>6} {'wall s':>7} {'CPU s':>6} {'MB':>5}  error")
-    for log in logs:
+    parser = argparse.ArgumentParser(description="The table of accuracy, speed and memory.")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("names", nargs="*", help="logs, without .log.gz; all when none is named")
+    parser.add_argument("--save", type=Path, help="write the table to this file too")
+    words = [*sys.argv[1:], "--"]
+    ours, theirs = words[: words.index("--")], words[words.index("--") + 1 : -1]
+    arguments = parser.parse_args(ours)
+    lines = HEAD.splitlines()
+    print(HEAD, flush=True)
+    for log in sorted(arguments.folder.glob("*.log.gz")):
         name = log.name.removesuffix(".log.gz")
-        if names and name not in names:
-            continue
-        with tempfile.TemporaryDirectory() as scratch:
-            out = Path(scratch)
-            replay(log, out, options)
-            wall, cpu, memory = replay(log, out, options)
-            relations = log.with_name(f"{name}.relations.gz")
-            if relations.exists():
-                x, dx, r, dr = relation_errors(log, relations, out)
-                error = f"relations {x:.4f} +- {dx:.4f} m, {r:.2f} +- {dr:.2f} deg"
-            else:
-                ate = trajectory_error(log.with_name(f"{name}.ref.txt"), out)
-                error = f"ATE {ate:.3f} m"
-            scans = len(poses_of(out)[0])
-        print(f"{name:14} {scans:6} {wall:7.2f} {cpu:6.2f} {memory:5.0f}  {error}", flush=True)
+        if not arguments.names or name in arguments.names:
+            lines.append(row(log, name, theirs))
+            print(lines[-1], flush=True)
+    if arguments.save:
+        arguments.save.write_text("\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

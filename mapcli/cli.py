@@ -20,6 +20,7 @@ COMMANDS = {
     "slam-replay": "Turn a robot log into a map and a pose trace (Algorithm 9.2).",
     "frontier": "Explore a map with Algorithm 9.1.",
     "simulate": "Drive a simulated robot through a world and write its log.",
+    "evaluate": "Say how far a pose trace is from the truth, or from itself.",
     "import": "Convert a log to MCAP with ROS 2 messages.",
     "convert": "Convert a map from any format to any other.",
     "info": "Say what is in a map or a log.",

@@ -118,7 +118,7 @@ def _plan(
 
     if trace:
         poses = load_trace_poses(trace)
-        seconds = (poses.stamps_ns - poses.stamps_ns[:1]) / 1e9
-        options |= {"path": poses.poses[:, :2], "headings": poses.poses[:, 2], "stamps": seconds}
+        path, headings = poses.poses[:, :2], poses.poses[:, 2]
+        options |= {"path": path, "headings": headings, "stamps": poses.seconds()}
     markers = [(*grid.world_of_cells([row], [column])[0], "robot") for row, column in robots]
     return floor_plan(grid, markers=markers, **options)

@@ -20,6 +20,7 @@ from mapcli.commands._options import (
     NOT_NEGATIVE,
     POSITIVE,
     Command,
+    LimitType,
     Number,
     common_options,
     no_clobber_option,
@@ -39,20 +40,6 @@ from mapcli.model.summary import Limit, ReplaySummary
 from mapcli.model.trace import PoseTrace, TracedPose
 
 MAP, MATCH, PERCEPTION = MapParameters(), MatchParameters(), PerceptionParameters()
-
-
-class LimitType(click.ParamType[Any]):
-    """`used_share<0.95` on the command line, a `Limit` inside."""
-
-    name = "EXPR"
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
-        if isinstance(value, Limit):
-            return value
-        try:
-            return Limit.parse(value)
-        except DataError as error:
-            self.fail(f"{error}.", param, ctx)
 
 
 def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Command], Command]:

@@ -64,7 +64,7 @@ class LoadedMap:
     warnings: tuple[str, ...] = ()
 
 
-def read_file(path: Path) -> bytes:
+def read_file(path: Path, expected: str = "a map file") -> bytes:
     """All bytes of a file, or of standard input for `-`.
 
     Raises:
@@ -75,7 +75,7 @@ def read_file(path: Path) -> bytes:
     try:
         return (path.expanduser() if path.parts[:1] == ("~",) else path).read_bytes()
     except IsADirectoryError as error:
-        raise FormatError("is a directory", file=path, expected="a map file") from error
+        raise FormatError("is a directory", file=path, expected=expected) from error
     except FileNotFoundError as error:
         raise FormatError("no such file", file=path) from error
     except (OSError, ValueError, RuntimeError) as error:

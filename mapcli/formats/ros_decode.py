@@ -53,6 +53,15 @@ class OdometryMessage:
     pose: Pose2D
 
 
+@dataclass(frozen=True, slots=True)
+class PoseMessage:
+    """geometry_msgs/msg/PoseStamped in the plane: a pose in `frame`."""
+
+    stamp_ns: int
+    frame: str
+    pose: Pose2D
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Transform:
     """One element of tf2_msgs/msg/TFMessage: `parent` from `child`."""
@@ -110,6 +119,14 @@ def odometry_from_cdr(data: Buffer) -> OdometryMessage:
     child, at = _string(order, body, at)
     x, y, _, *quaternion = struct.unpack_from(f"{order}7d", body, at + -at % 8)
     return OdometryMessage(stamp, frame, child, planar((x, y), quaternion))
+
+
+@_refuses
+def pose_from_cdr(data: Buffer) -> PoseMessage:
+    order, body = _opened(data)
+    stamp, frame, at = _header(order, body, 0)
+    x, y, _, *quaternion = struct.unpack_from(f"{order}7d", body, at + -at % 8)
+    return PoseMessage(stamp, frame, planar((x, y), quaternion))
 
 
 @_refuses

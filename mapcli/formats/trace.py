@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mapcli.errors import FormatError
 from mapcli.formats.document import document, read_document
 from mapcli.formats.maps import read_file
 from mapcli.model.pose import Pose2D
 from mapcli.model.trace import PoseTrace, TracedPose
+from mapcli.model.trajectory import Trajectory
 
 POSE_TRACE = "mapcli.pose-trace"
 
@@ -22,27 +21,22 @@ FARTHEST_M = 1e9
 """No robot gets there; a number beyond is damage, and nothing could be drawn with it."""
 
 
-@dataclass(frozen=True, eq=False)
-class TracePoses:
-    """The poses of a trace in time order.
-
-    Attributes:
-        stamps_ns: shape (n,), nanoseconds.
-        poses: shape (n, 3): x, y in metres, theta in radians.
-    """
-
-    stamps_ns: NDArray[np.int64]
-    poses: NDArray[np.float64]
-
-
-def load_trace_poses(path: str | Path) -> TracePoses:
+def load_trace_poses(path: str | Path) -> Trajectory:
     """Read the poses of a trace, from standard input for `-`.
 
     Raises:
-        FormatError: no such file, not a trace, a pose without its numbers.
+        FormatError: as of `read_trace_poses`, or no such file.
     """
-    file = str(path)
-    poses = read_document(read_file(Path(path)), file, POSE_TRACE).get("poses")
+    return read_trace_poses(read_file(Path(path)), str(path))
+
+
+def read_trace_poses(data: bytes, file: str) -> Trajectory:
+    """The poses of a trace.
+
+    Raises:
+        FormatError: not a trace, or a pose without its numbers.
+    """
+    poses = read_document(data, file, POSE_TRACE).get("poses")
     if not isinstance(poses, list):
         raise FormatError("has no list of poses", file=file, expected=POSE_TRACE)
     rows = []
@@ -56,7 +50,7 @@ def load_trace_poses(path: str | Path) -> TracePoses:
     bad = ~(np.abs(numbers) < FARTHEST_M).all(axis=1) | (np.abs(stamps) >= 2**63)
     if bad.any():
         raise _bad_pose(file, int(np.argmax(bad)), None)
-    return TracePoses(stamps.astype(np.int64), numbers)
+    return Trajectory(numbers, stamps.astype(np.int64))
 
 
 def _bad_pose(file: str, index: int, error: Exception | None) -> FormatError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -111,11 +111,13 @@ class Limit:
     value: float
 
     @classmethod
-    def parse(cls, text: str) -> Limit:
-        """`used_share<0.95`.
+    def parse(
+        cls, text: str, fields: Sequence[str] = LIMIT_FIELDS, example: str = "used_share<0.95"
+    ) -> Limit:
+        """`used_share<0.95`, about one of these fields.
 
         Raises:
-            DataError: not of that form, or about nothing that a summary has.
+            DataError: not of that form, or about nothing that the summary has.
         """
         match = re.fullmatch(r"\s*(\w+)\s*(<=|>=|==|!=|<|>)\s*([-+.\deE]+)\s*", text)
         try:
@@ -123,9 +125,9 @@ class Limit:
                 raise ValueError
             limit = cls(match[1], match[2], float(match[3]))
         except ValueError:
-            raise DataError(f"{text!r}", expected="a limit such as 'used_share<0.95'") from None
-        if limit.field not in LIMIT_FIELDS:
-            expected = f"one of {', '.join(LIMIT_FIELDS)}"
+            raise DataError(f"{text!r}", expected=f"a limit such as '{example}'") from None
+        if limit.field not in fields:
+            expected = f"one of {', '.join(fields)}"
             raise DataError(f"{text!r}: no {limit.field!r} in the summary", expected=expected)
         return limit
 

@@ -32,22 +32,38 @@ class TracedPose:
     status: Status
 
 
+Information = tuple[float, float, float, float, float, float]
+"""The inverse of a covariance of x, y (metres) and theta (radians): its upper triangle by rows."""
+
+
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """A loop closure: the pose at index `to` as seen from the one at index `from_`."""
+    """A loop closure: the pose at index `to` as seen from the one at index `from_`.
+
+    Attributes:
+        score: how well the scan at `to` agrees with what was seen around `from_`, 0 to 1.
+        information: how certain the match is, in the frame of the pose at `to`; None if unknown.
+    """
 
     from_: int
     to: int
     pose: Pose2D
     score: float
+    information: Information | None = None
 
 
 @dataclass(frozen=True)
 class PoseTrace:
-    """The poses of a replay in time order, and the loops that were closed."""
+    """The poses of a replay in time order, and the loops that were closed.
+
+    Attributes:
+        steps: the motions from each pose to the next as they were measured, before loops were
+            closed; empty where they are those of the poses themselves.
+    """
 
     poses: tuple[TracedPose, ...]
     loops: tuple[Loop, ...] = ()
+    steps: tuple[Pose2D, ...] = ()
 
     def distance(self) -> float:
         """Metres driven."""

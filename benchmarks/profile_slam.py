@@ -1,0 +1,179 @@
+"""Where the time of a replay goes, and how it grows with the log's length and the map's size.
+
+    python benchmarks/profile_slam.py ../shared/datasets [NAME...] [--save FILE]
+
+Replays each log in this process, after one that loads the compiled loops, with a stopwatch around
+each stage: the functions named in `STAGES` are wrapped where they are called, so a new stage is
+one more line there. A stage within a stage counts for the outer one. What is in no stage is
+`other`. The second table has the time per scan (reading left out) in each quarter of the log,
+with the size of the map at its end; it should grow at most twofold.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from mapcli.algorithms.slam import Slam, SlamParameters
+from mapcli.commands._log_options import LogInput
+from mapcli.commands._replay_outputs import ReplayOutputs, write_outputs
+from mapcli.commands.slam_replay import Replay
+
+STAGES = {
+    "perceiving": ("mapcli.algorithms.slam", "perceive"),
+    "matching": ("mapcli.algorithms.slam", "best_pose"),
+    "updating": ("mapcli.algorithms.occupancy", "OccupancyGrid.integrate"),
+}
+"""Stage -> the module and the name by which it is called."""
+
+AROUND = ("reading", *STAGES, "other", "writing")
+
+
+class Stopwatch:
+    """Seconds in each stage (stateful)."""
+
+    def __init__(self) -> None:
+        self.seconds = dict.fromkeys(AROUND, 0.0)
+        self._inside = False
+
+    def timed(self, stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        """The function, its time added to the stage."""
+
+        def wrapped(*arguments: Any, **options: Any) -> Any:
+            if self._inside:
+                return function(*arguments, **options)
+            self._inside, start = True, time.perf_counter()
+            try:
+                return function(*arguments, **options)
+            finally:
+                self.seconds[stage] += time.perf_counter() - start
+                self._inside = False
+
+        return wrapped
+
+    def timed_items(self, stage: str, items: Iterable[Any]) -> Iterator[Any]:
+        """The items, the time to get each added to the stage."""
+        advance = self.timed(stage, iter(items).__next__)
+        while True:
+            try:
+                item = advance()
+            except StopIteration:
+                return
+            yield item
+
+
+def wrap(place: tuple[str, str], wrapper: Callable[[Any], Any]) -> Callable[[], None]:
+    """Put a wrapper around a function of a module or a method of a class; returns the undoing."""
+    owner: Any = importlib.import_module(place[0])
+    *path, name = place[1].split(".")
+    for part in path:
+        owner = getattr(owner, part)
+    plain = getattr(owner, name)
+    setattr(owner, name, wrapper(plain))
+    return lambda: setattr(owner, name, plain)
+
+
+class Profile:
+    """One replay under the stopwatch.
+
+    Attributes:
+        watch: seconds in each stage.
+        per_scan: seconds of each step; areas: square metres of the map's array after each.
+    """
+
+    def __init__(self, log: Path) -> None:
+        self.watch = Stopwatch()
+        self.per_scan: list[float] = []
+        self.areas: list[float] = []
+        undo = [
+            wrap(place, lambda plain, stage=stage: self.watch.timed(stage, plain))
+            for stage, place in STAGES.items()
+        ]
+        undo.append(wrap(("mapcli.algorithms.slam", "Slam.step"), self._counted))
+        try:
+            self._run(log)
+        finally:
+            for restore in undo:
+                restore()
+
+    def _counted(self, step: Callable[..., Any]) -> Callable[..., Any]:
+        def counted(slam: Slam, *arguments: Any) -> Any:
+            start = time.perf_counter()
+            pose = step(slam, *arguments)
+            self.per_scan.append(time.perf_counter() - start)
+            side = slam.map.parameters.resolution
+            self.areas.append(slam.map.log_odds.size * side * side)
+            return pose
+
+        return counted
+
+    def _run(self, log: Path) -> None:
+        replay = Replay(LogInput().open([str(log)]), LogInput(), SlamParameters())
+        records = replay.log.records
+        replay.log.records = lambda: self.watch.timed_items("reading", records())  # type: ignore[method-assign]
+        start = time.perf_counter()
+        replay.run(quiet=True)
+        total = time.perf_counter() - start
+        self.watch.seconds["other"] = total - sum(self.watch.seconds.values())
+        with tempfile.TemporaryDirectory() as folder:
+            write = self.watch.timed("writing", self._write)
+            write(replay, ReplayOutputs.in_folder(folder))
+
+    @staticmethod
+    def _write(replay: Replay, outputs: ReplayOutputs) -> None:
+        head = {"inputs": replay.log.digests(), "parameters": replay.effective_parameters()}
+        grid = replay.slam.map.to_grid_map()
+        write_outputs(outputs, grid, replay.trace(), head, replay.summary(), no_clobber=False)
+
+    def stage_row(self, name: str) -> str:
+        """Seconds per stage, and all together."""
+        seconds = self.watch.seconds
+        cells = [name, f"{len(self.per_scan):,}", *(f"{seconds[stage]:.2f}" for stage in AROUND)]
+        return f"| {' | '.join([*cells, f'{sum(seconds.values()):.2f}'])} |"
+
+    def growth_row(self, name: str) -> str:
+        """Milliseconds per scan in each quarter, and the map's size."""
+        n = len(self.per_scan)
+        quarters = [self.per_scan[k * n // 4 : (k + 1) * n // 4] for k in range(4)]
+        means = [1e3 * sum(quarter) / max(len(quarter), 1) for quarter in quarters]
+        areas = [f"{self.areas[(k + 1) * n // 4 - 1]:,.0f}" for k in range(4)]
+        times = f"{means[3] / means[0]:.2f}"
+        return f"| {' | '.join([name, *(f'{m:.2f}' for m in means), times, ' / '.join(areas)])} |"
+
+
+def table(head: Iterable[str], rows: Iterable[str]) -> str:
+    """A Markdown table."""
+    names = [*head]
+    return "\n".join([f"| {' | '.join(names)} |", f"|{'---|' * len(names)}", *rows])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Where the time of a replay goes.")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("names", nargs="*", help="logs, without .log.gz; all when none is named")
+    parser.add_argument("--save", type=Path, help="write the tables to this file too")
+    arguments = parser.parse_args()
+    logs = {p.name.removesuffix(".log.gz"): p for p in sorted(arguments.folder.glob("*.log.gz"))}
+    names = arguments.names or list(logs)
+    Profile(min(logs.values(), key=lambda path: path.stat().st_size))  # load the compiled loops
+    profiles = {name: Profile(logs[name]) for name in names}
+    stages = table(
+        ("seconds", "scans", *AROUND, "all"), (p.stage_row(n) for n, p in profiles.items())
+    )
+    growth = table(
+        ("ms per scan", "1st quarter", "2nd", "3rd", "4th", "4th / 1st", "map, m²"),
+        (p.growth_row(n) for n, p in profiles.items()),
+    )
+    text = f"{stages}\n\n{growth}\n"
+    print(text, end="")
+    if arguments.save:
+        arguments.save.write_text(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,94 @@
+"""What `mapcli evaluate` says: counts, a table of errors, and where the worst of them are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from mapcli.algorithms.evaluate import EvaluateParameters
+from mapcli.model.evaluation import STATISTICS, Errors, Evaluation, statistics
+from mapcli.model.log import counted
+from mapcli.model.trajectory import Trajectory
+
+TITLES = {"ate": "ATE", "rpe": "RPE", "relations": "relations", "self_check": "self-check"}
+
+WORST = 3
+"""Relations named one by one."""
+
+
+def described(trajectory: Trajectory) -> str:
+    """ "509 poses, 101.6 s"."""
+    poses = counted(len(trajectory), "poses")
+    if trajectory.stamps_ns is None:
+        return f"{poses} without times"
+    return f"{poses}, {trajectory.seconds()[-1]:,.1f} s"
+
+
+def report_lines(
+    evaluation: Evaluation, trace: str, against: str, parameters: EvaluateParameters
+) -> list[str]:
+    """The report, one string a line."""
+    head = [("trace", f"{trace}: {described(evaluation.trace)}"), ("against", against)]
+    head.append(("compared", _compared(evaluation)))
+    if evaluation.reference is not None:
+        pose = evaluation.aligned
+        x, y, turn = (round(v, 3) + 0.0 for v in (pose.x, pose.y, math.degrees(pose.theta)))
+        head.append(("aligned", f"by x {x:.3f} m, y {y:.3f} m, turn {turn:.2f} deg"))
+    lines = [f"{name:>11}  {text}" for name, text in head]
+    lines += ["", " " * 33 + "".join(f"{name:>10}" for name in STATISTICS)]
+    for measure, errors in evaluation.errors.items():
+        lines += _table(_title(measure, parameters), errors)
+    lines.append("")
+    lines += [f"{name:>11}  {text}" for name, text in _worst(evaluation)]
+    return lines
+
+
+def _compared(evaluation: Evaluation) -> str:
+    things = {"trajectory": "poses", "relations": "relations", "self-check": "pairs of scans"}
+    text = f"{evaluation.matched:,} of {evaluation.total:,} {things[evaluation.kind]}"
+    if evaluation.overlap_s is not None:
+        return f"{text}, {evaluation.how}; {evaluation.overlap_s:,.1f} s in common"
+    return f"{text}; {evaluation.how}"
+
+
+def _title(measure: str, parameters: EvaluateParameters) -> str:
+    title = TITLES[measure]
+    if measure == "rpe":
+        unit = "m" if parameters.delta_unit == "m" else "pose" + "s" * (parameters.delta != 1)
+        title += f" over {parameters.delta:g} {unit}"
+    return title
+
+
+def _table(title: str, errors: Errors) -> Iterator[str]:
+    for name, values, decimals in (
+        ("translation, m", errors.metres, 4),
+        ("rotation, deg", errors.degrees, 3),
+    ):
+        cells = "".join(f"{x:>10.{decimals}f}" for x in statistics(values).values())
+        yield f"{title:>16}  {name:<15}{cells}"
+        title = ""
+
+
+def _worst(evaluation: Evaluation) -> Iterator[tuple[str, str]]:
+    """Where to look first."""
+    errors = next(iter(evaluation.errors.values()))
+    order = np.argsort(-errors.metres, kind="stable").tolist()
+    # Beside the worst pose of a path are the next worst; relations say something each.
+    shown = order[:1] if evaluation.relations is None else order[:WORST]
+    for name, k in zip(["worst", *[""] * WORST], shown, strict=False):
+        place = _place(evaluation, k, float(errors.seconds[k]))
+        yield name, f"{errors.metres[k]:.3f} m, {errors.degrees[k]:.2f} deg {place}"
+
+
+def _place(evaluation: Evaluation, k: int, seconds: float) -> str:
+    trace, relations = evaluation.trace, evaluation.relations
+    if trace.stamps_ns is None:
+        return f"at pose {int(seconds)}"
+    if relations is None:
+        return f"at {seconds:,.1f} s after the first pose"
+    start, end = (
+        int(t[k] - trace.stamps_ns[0]) * 1e-9 for t in (relations.from_ns, relations.to_ns)
+    )
+    return f"between {start:,.1f} and {end:,.1f} s after the first pose"

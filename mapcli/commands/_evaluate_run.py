@@ -1,0 +1,137 @@
+"""What `mapcli evaluate` reads and compares."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mapcli.algorithms.evaluate import EvaluateParameters, compare
+from mapcli.algorithms.relations import compare_relations
+from mapcli.commands._evaluate_report import described
+from mapcli.commands._log_options import LogInput, say_notes
+from mapcli.errors import MapcliError
+from mapcli.formats.logs import Log
+from mapcli.formats.relations import is_relations, load_relations
+from mapcli.formats.trajectories import load_trajectory
+from mapcli.model.evaluation import Evaluation, Kind
+from mapcli.model.log import counted
+from mapcli.model.scan import Odometry, Record
+from mapcli.model.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Files:
+    """What is compared: names as typed, None where not given."""
+
+    trace: str
+    reference: str | None
+    self_check: str | None
+    odometry: str | None
+
+    @property
+    def kind(self) -> Kind:
+        if self.self_check is not None:
+            return "self-check"
+        return "relations" if is_relations(self.reference or "") else "trajectory"
+
+    def inputs(self) -> list[str]:
+        named = self.trace, self.reference, self.self_check, self.odometry
+        return [name for name in named if name is not None]
+
+
+class EvaluateRun:
+    """One evaluation (stateful: `digests` fills while files are read).
+
+    Attributes:
+        digests: file name -> SHA-256, for the head of the document.
+        against: what the trace is compared with, for people.
+    """
+
+    def __init__(
+        self, files: Files, log_input: LogInput, parameters: EvaluateParameters,
+        topic: str | None, *, quiet: bool, verbose: bool,
+    ) -> None:  # fmt: skip
+        self.files, self.log_input, self.parameters = files, log_input, parameters
+        self.topic, self.quiet, self.verbose = topic, quiet, verbose
+        self.digests: dict[str, str] = {}
+        self.against = ""
+
+    def evaluate(self) -> Evaluation:
+        """Load and compare.
+
+        Raises:
+            MapcliError: what the readers and the algorithms raise, with the trace's name.
+        """
+        trace = self._load(self.files.trace, None)
+        try:
+            if self.files.self_check is not None:
+                return self._self_check(trace, self.files.self_check)
+            if self.files.kind == "relations":
+                return self._relations(trace, str(self.files.reference))
+            return self._trajectory(trace, str(self.files.reference))
+        except MapcliError as error:
+            error.file = error.file or self.files.trace
+            raise
+
+    def _trajectory(self, trace: Trajectory, reference: str) -> Evaluation:
+        truth = self._load(reference, self.topic)
+        self.against = f"{reference}: {described(truth)}"
+        return compare(trace, truth, self.parameters)
+
+    def _relations(self, trace: Trajectory, reference: str) -> Evaluation:
+        relations = load_relations(reference)
+        self.digests[Path(reference).name] = hashlib.sha256(
+            Path(reference).read_bytes()
+        ).hexdigest()
+        self.against = f"{reference}: {counted(len(relations), 'relations')}"
+        odometry = None if self.files.odometry is None else self._odometry(self.files.odometry)
+        return compare_relations(trace, relations, odometry)
+
+    def _self_check(self, trace: Trajectory, name: str) -> Evaluation:
+        from mapcli.algorithms.self_check import self_check
+
+        self.against = f"{name}: its own closed loops"
+        return self_check(trace, self._records(name))
+
+    def _odometry(self, name: str) -> Trajectory:
+        """All odometry of a log."""
+        import numpy as np
+
+        readings = [record for record in self._records(name) if isinstance(record, Odometry)]
+        if not readings:
+            raise MapcliError("has no odometry", file=name)
+        poses = np.array([(r.pose.x, r.pose.y, r.pose.theta) for r in readings])
+        return Trajectory(poses, np.array([r.stamp_ns for r in readings], dtype=np.int64))
+
+    def _records(self, name: str) -> Iterable[Record]:
+        """The records of a log, which is opened at once."""
+        log = self.log_input.open([name])
+        self.digests |= log.digests()
+        return self._telling(log)
+
+    def _telling(self, log: Log) -> Iterator[Record]:
+        yield from self.log_input.records(log)
+        if not self.quiet:
+            say_notes(log, verbose=self.verbose)
+
+    def _load(self, name: str, topic: str | None) -> Trajectory:
+        loaded = load_trajectory(name, topic)
+        self.digests[Path(name).name] = loaded.sha256
+        for warning in () if self.quiet else loaded.warnings:
+            click.echo(f"Warning: {name}: {warning}", err=True)
+        return loaded.trajectory
+
+    def effective_parameters(self) -> dict[str, Any]:
+        """Everything that the result depends on besides the files."""
+        if self.files.kind == "trajectory":
+            return {**asdict(self.parameters), "topic": self.topic}
+        if self.files.kind == "relations":
+            return {"odometry": self.files.odometry is not None}
+        from mapcli.algorithms.self_check import SelfCheckParameters
+
+        return {**self.log_input.parameters(), **asdict(SelfCheckParameters())}
