@@ -93,11 +93,12 @@ class LiteralFrontier:
         return [c for c in self.all_cells() if self.is_open(c) and self.unknown_neighbours(c)]
 
     def is_crowded(self, cell: Cell) -> bool:
-        for r, c in self.grid:
-            if (r, c) != cell and not self.is_open((r, c)):
-                down, right = max(abs(r - cell[0]) - 0.5, 0), max(abs(c - cell[1]) - 0.5, 0)
-                if math.hypot(down, right) < self.radius - 1e-9:
-                    return True
+        near = range(-math.ceil(self.radius + 0.5), math.ceil(self.radius + 0.5) + 1)
+        for down, right in ((r, c) for r in near for c in near if (r, c) != (0, 0)):
+            other = (cell[0] + down, cell[1] + right)
+            gap = math.hypot(max(abs(down) - 0.5, 0), max(abs(right) - 0.5, 0))
+            if other in self.grid and not self.is_open(other) and gap < self.radius - 1e-9:
+                return True
         return False
 
     # --- motion -------------------------------------------------------------------------------
