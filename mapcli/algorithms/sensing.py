@@ -92,22 +92,6 @@ def look(field: Field, sight: Sight, kinds: Cells, passed: int, cell: int) -> in
     return seen
 
 
-def shows_unknown(field: Field, sight: Sight, cell: int) -> bool:
-    """Whether a look from a cell would show an unknown one, as far as is known: rays pass known
-    open cells only."""
-    if sight.range == 1:
-        return count_unknown(field, sight, look_around(field, sight, cell)) > 0
-    start_look(sight)
-    for vertical in (-1, 1):
-        for horizontal in (-1, 1):
-            for steep in (True, False):
-                octant = octant_of(field, sight, cell, vertical, horizontal, steep)
-                seen = look_in_octant(sight, field.known, THROUGH_OPEN, cell, octant, 0)
-                if count_unknown(field, sight, seen):
-                    return True
-    return False
-
-
 def start_look(sight: Sight) -> None:
     """What was seen before counts no longer."""
     sight.looks[0] += 1
