@@ -42,6 +42,7 @@ def run(world: Path, *options: str) -> tuple[dict[str, float], float, float, flo
         command = [str(MAPCLI), "frontier", "-q", str(world), *options]
         timed(command)
         wall, cpu, megabytes = timed(command)
+        # The trace of many millions of steps takes longer to write than to make.
         timed([*command, "--json", str(trace)])
         summary = read_summary(trace)
     return summary, wall, cpu, megabytes
