@@ -62,7 +62,7 @@ class LiteralFrontier:
         self.robots = [Robot(cell, origin=cell) for cell in robots]
         self.steps: list[dict[str, Any]] = []
         self.time = 0
-        self.lookouts: dict[Cell, Cell] = {}
+        self.sensed_from: set[Cell] = set()
         if not self.grid:
             for robot in self.robots:
                 robot.goal, robot.kind = robot.cell, "start"
@@ -93,11 +93,12 @@ class LiteralFrontier:
         return [c for c in self.all_cells() if self.is_open(c) and self.unknown_neighbours(c)]
 
     def is_crowded(self, cell: Cell) -> bool:
-        for r, c in self.grid:
-            if (r, c) != cell and not self.is_open((r, c)):
-                down, right = max(abs(r - cell[0]) - 0.5, 0), max(abs(c - cell[1]) - 0.5, 0)
-                if math.hypot(down, right) < self.radius - 1e-9:
-                    return True
+        near = range(-math.ceil(self.radius + 0.5), math.ceil(self.radius + 0.5) + 1)
+        for down, right in ((r, c) for r in near for c in near if (r, c) != (0, 0)):
+            other = (cell[0] + down, cell[1] + right)
+            gap = math.hypot(max(abs(down) - 0.5, 0), max(abs(right) - 0.5, 0))
+            if other in self.grid and not self.is_open(other) and gap < self.radius - 1e-9:
+                return True
         return False
 
     # --- motion -------------------------------------------------------------------------------
@@ -203,53 +204,19 @@ class LiteralFrontier:
         self.stop_before_bump(robot)
 
     def go_to_lookout(self, robot: Robot, mine: dict[Cell, int], taken: set[Cell | None]) -> None:
-        """To the nearest place where the robot fits and sees an unknown cell at the frontier."""
-        for listing in range(2):
-            fit = [c for c in self.lookouts if c in mine and self.is_lookout(c)]
-            free = [c for c in fit if c not in taken]
-            if free:
-                robot.goal = min(free, key=lambda c: (mine[c], c))
-                robot.kind, robot.ahead = "lookout", self.path(robot.goal, mine)
+        """To the nearest cell where the robot fits, where nobody has sensed, and from which an
+        unknown cell is to be seen."""
+        for cell in sorted(mine, key=lambda c: (mine[c], c)):
+            fits = mine[cell] == 0 or not self.is_crowded(cell)
+            if fits and cell not in taken and self.is_lookout(cell):
+                robot.goal, robot.kind, robot.ahead = cell, "lookout", self.path(cell, mine)
                 robot.frontier_size, robot.priority = len(self.frontier()), None
                 self.stop_before_bump(robot)
                 return
-            if listing == 0:
-                self.list_lookouts()
 
     def is_lookout(self, cell: Cell) -> bool:
-        seen = self.lookouts.get(cell)
-        return seen is not None and self.may_be_learned(seen) and not self.is_crowded(cell)
-
-    def list_lookouts(self) -> None:
-        """Cell -> an unknown neighbour of the frontier that is seen from there."""
-        for cell in self.frontier():
-            for unknown in filter(self.may_be_learned, self.neighbours(cell)):
-                for place in self.all_cells():
-                    fits = self.is_open(place) and not self.is_crowded(place)
-                    if fits and not self.is_lookout(place) and self.sees(place, cell, unknown):
-                        self.lookouts[place] = unknown
-
-    def sees(self, place: Cell, cell: Cell, unknown: Cell) -> bool:
-        """Whether a ray from the middle of a place gets to one of three points of the edge between
-        two cells, coming through the first; it may graze corners on one side."""
-        if self.range == 1:
-            return max(abs(place[0] - unknown[0]), abs(place[1] - unknown[1])) == 1
-        if sum((a - b) ** 2 for a, b in zip(place, unknown, strict=True)) > self.range**2:
-            return False
-        for point in (Fraction(0), Fraction(-1, 3), Fraction(1, 3)):
-            rows, columns = (Fraction(a + b, 2) for a, b in zip(cell, unknown, strict=True))
-            if cell[0] == unknown[0]:
-                rows += point
-            else:
-                columns += point
-            down, right = rows - place[0], columns - place[1]
-            for nudge in (Fraction(1, 10**6), Fraction(-1, 10**6)):
-                # To one side or the other, at right angles.
-                line = (down + nudge * right, right - nudge * down)
-                shown = follow_line(place, *line, self.is_open)
-                if cell in [place, *shown] and unknown in shown:
-                    return True
-        return False
+        seen = self.look(cell, self.is_open)
+        return cell not in self.sensed_from and any(self.may_be_learned(c) for c in seen)
 
     def stop_before_bump(self, robot: Robot) -> None:
         here = robot.cell
@@ -289,6 +256,7 @@ class LiteralFrontier:
             elif self.grid.get(cell) != self.world[cell]:
                 self.grid[cell] = self.world[cell]
                 found.append((*cell, float(str(self.world[cell]))))
+        self.sensed_from.add(robot.cell)
         self.record(number, robot.kind, found, stayed)
 
     def record(self, number: int, kind: str, found: list[Any], stayed: list[Cell]) -> None:
@@ -379,25 +347,3 @@ def follow_ray(
             if not passes(cell):
                 return seen
     return seen
-
-
-def follow_line(origin: Cell, down: Fraction, right: Fraction, passes: Any) -> list[Cell]:
-    """Cells that a ray enters, one after the other, up to a little beyond (down, right) from the
-    middle of a cell, or to the first one that it does not pass."""
-    row, column, shown = origin[0], origin[1], []
-    half, beyond = Fraction(1, 2), Fraction(1001, 1000)
-    while True:
-        # The share of the way at which the ray leaves the cell over its row's or column's edge.
-        over_row = (row - origin[0] + half * (1 if down > 0 else -1)) / down if down else beyond
-        over_column = (
-            (column - origin[1] + half * (1 if right > 0 else -1)) / right if right else beyond
-        )
-        if min(over_row, over_column) >= beyond:
-            return shown
-        if over_row < over_column:
-            row += 1 if down > 0 else -1
-        else:
-            column += 1 if right > 0 else -1
-        shown.append((row, column))
-        if not passes((row, column)):
-            return shown

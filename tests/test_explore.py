@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from literal_frontier import LiteralFrontier
 from test_frontier import BOOK, grid_of
 from test_frontier_literal import expeditions, open_cells
 
@@ -219,6 +221,28 @@ def test_a_robot_looks_where_it_cannot_go() -> None:
     assert seen_behind > 20
     assert run.summary.reason == "unreachable"
     assert run.summary.unreachable == len(run.frontier) > 0
+
+
+@settings(max_examples=150, deadline=None)
+@given(case=expeditions(robots=2), options=OPTIONS, radius=st.sampled_from([0.6, 1.0, 1.6]))
+def test_a_robot_with_a_radius_misses_nothing(
+    case: dict[str, Any], options: dict[str, Any], radius: float
+) -> None:
+    """Looking once more from anywhere that it can get to would teach it nothing."""
+    with suppress(DataError):  # the radius fits nowhere
+        exploration = run(case, **options, robot_radius=radius)
+        assert len(exploration.steps) <= case["world"].size + len(case["robots"])
+        ends = dict(enumerate(case["robots"])) | {s.robot: s.goal for s in exploration.steps}
+        after = LiteralFrontier(case["world"], list(ends.values()), exploration.after.cells,
+                                sensor_range=options["sensor_range"], radius=radius,
+                                connectivity=options["connectivity"])  # fmt: skip
+        for step in exploration.steps:
+            after.sensed |= {(r, c) for r, c in step.unknowable.tolist()}
+        for robot in after.robots:
+            reached = after.distances(robot.cell)
+            for cell in (c for c in reached if not after.is_crowded(c)):
+                shown = after.look(cell, lambda c: c in after.world and after.world[c] < 0.5)
+                assert not any(after.may_be_learned(c) for c in shown)
 
 
 def test_a_robot_in_a_tight_spot_gets_out() -> None:

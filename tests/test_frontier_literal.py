@@ -126,7 +126,6 @@ def test_diagonal_moves_and_limits(case: dict[str, Any], **options: Any) -> None
     assert_same(case, **options)
 
 
-@pytest.mark.skip(reason="open: on some maps robots with a radius differ from the literal run")
 @settings(max_examples=150, deadline=None)
 @given(
     case=expeditions(robots=2),

@@ -13,6 +13,7 @@ from test_frontier_literal import worlds
 from mapcli.algorithms.arrays import cells_of, make_field
 from mapcli.algorithms.explore import ExploreParameters
 from mapcli.algorithms.field import OPEN, UNKNOWN
+from mapcli.algorithms.glimpse import make_runs, shows_unknown
 from mapcli.algorithms.goals import make_chooser
 from mapcli.algorithms.sensing import (
     THROUGH_OPEN,
@@ -113,3 +114,16 @@ def test_most_that_can_be_expected(sensor_range: int, cells: int) -> None:
     assert cells_in_range(sight) == cells
     assert expected(field, sight, 7 * field.stride + 7) == cells
     assert make_chooser("gain", field, sight).most == cells
+
+
+@settings(max_examples=200, deadline=None)
+@given(world=worlds(largest=9), sensor_range=st.integers(1, 12))
+def test_a_glimpse_shows_what_a_look_shows(world: np.ndarray, sensor_range: int) -> None:
+    """From all open cells in turn, so that rows remembered for one serve the next."""
+    field = make_field(GridMap(world), GridMap(world), ExploreParameters())
+    sight, runs = make_sight(field, sensor_range), make_runs(len(field.known))
+    for row, column in np.argwhere(world < np.float32(0.5)).tolist():
+        cell = (row + 1) * field.stride + column + 1
+        glimpsed = shows_unknown(field, sight, runs, cell)
+        count = look(field, sight, field.known, THROUGH_OPEN, cell)
+        assert glimpsed == any(field.known[sight.seen[k]] == UNKNOWN for k in range(count))

@@ -55,7 +55,7 @@ def make_field(world: GridMap, known: GridMap, parameters: ExploreParameters) ->
         disc_rows=disc_rows,
         disc_columns=disc_columns,
         moves=np.array([r * (columns + 2) + c for r, c in moves], np.int64),
-        counts=np.zeros(5, np.int64),
+        counts=np.zeros(4, np.int64),
     )
 
 

@@ -101,7 +101,9 @@ class Expedition:
 
     def views(self, arrays: Arrays) -> Arrays:
         """Arrays as the loops want them: plain Python is faster with memoryviews."""
-        return type(arrays)(*map(self.view, arrays))
+        return type(arrays)(
+            *(self.views(a) if isinstance(a, tuple) else self.view(a) for a in arrays)
+        )
 
     def view(self, array: Any) -> Any:
         """One array likewise; anything else as it is."""

@@ -39,7 +39,7 @@ OUTSIDE, UNKNOWN, UNKNOWABLE, OPEN, OBSTACLE = range(5)
 the world itself does not know it, and nobody looks at it again. In the world itself a cell is
 never UNKNOWN. Beyond the edge of the map there is nothing to learn: OUTSIDE."""
 
-FRONTIER_SIZE, KNOWN_CELLS, KNOWN_EXPLORABLE, CONTRADICTED, CHANGES = range(5)
+FRONTIER_SIZE, KNOWN_CELLS, KNOWN_EXPLORABLE, CONTRADICTED = range(4)
 """Places in `Field.counts`."""
 
 
@@ -83,11 +83,9 @@ def learn(field: Field, cell: int) -> bool:
     if found == UNKNOWABLE:
         if before == UNKNOWN:
             field.known[cell] = UNKNOWABLE
-            field.counts[CHANGES] += 1
         return before == UNKNOWN
     if before == found and field.grid[cell] == field.truth[cell]:
         return False
-    field.counts[CHANGES] += 1
     field.known[cell] = found
     field.grid[cell] = field.truth[cell]
     if before in (UNKNOWN, UNKNOWABLE):

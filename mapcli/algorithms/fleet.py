@@ -12,6 +12,7 @@ from mapcli.algorithms.field import FRONTIER_SIZE, OBSTACLE, OPEN, Cells, Field,
 from mapcli.algorithms.goals import BLOCKED, FRONTIER, LOOKOUT, NOWHERE, Goal
 from mapcli.algorithms.lookouts import Lookouts, is_lookout
 from mapcli.algorithms.motion import Search, beside_diagonal, can_move, is_diagonal, write_path
+from mapcli.algorithms.sensing import Sight
 
 STEPS, PATHS, SENSED, TIME, HELD_BACK = range(5)
 """Places in `Trace.counts`: used lengths of the columns, the time, and the limit that held a
@@ -181,14 +182,16 @@ def has_arrived(robots: Robots, robot: int) -> bool:
     return robots.goal[robot] != NOWHERE and robots.at[robot] == robots.end[robot]
 
 
-def is_worth_going(field: Field, lookouts: Lookouts, robots: Robots, robot: int) -> bool:
+def is_worth_going(
+    field: Field, sight: Sight, lookouts: Lookouts, robots: Robots, robot: int
+) -> bool:
     """Whether a goal is still what it was chosen for, after all that others have sensed."""
     goal, kind = robots.goal[robot], robots.kind[robot]
     fits = not field.crowded[goal] or robots.cell[robot] == goal
     if kind == FRONTIER:
         return fits and field.frontier[goal] == 1
     if kind == LOOKOUT:
-        return fits and is_lookout(field, lookouts, goal)
+        return fits and is_lookout(field, sight, lookouts, goal)
     return kind != BLOCKED or field.known[robots.bump[robot]] == OPEN
 
 

@@ -43,7 +43,7 @@ from mapcli.algorithms.fleet import (
     set_out,
 )
 from mapcli.algorithms.goals import FRONTIER, NEAREST, NOWHERE, Chooser, Goal, find_goal
-from mapcli.algorithms.lookouts import Lookouts, find_lookout
+from mapcli.algorithms.lookouts import Lookouts, find_lookout, has_looked
 from mapcli.algorithms.motion import Search
 from mapcli.algorithms.parts import Parts
 from mapcli.algorithms.sensing import THROUGH_OPEN, Sight, look
@@ -104,8 +104,8 @@ def explore(
         move(field, robots, trace)  # 9: robot <- closest
         for robot in range(len(robots.cell)):
             if has_arrived(robots, robot):
-                if is_worth_going(field, planner.lookouts, robots, robot):
-                    sense(field, planner.sight, robots, trace, robot)  # 10-12
+                if is_worth_going(field, planner.sight, planner.lookouts, robots, robot):
+                    sense(field, planner, robots, trace, robot)  # 10-12
                 else:
                     give_up(field, robots, trace, robot)
     return MORE
@@ -125,7 +125,7 @@ def choose_goals(
     trace.counts[HELD_BACK] = 0
     for robot in range(len(robots.cell)):
         on_its_way = robots.goal[robot] != NOWHERE
-        if on_its_way and not is_worth_going(field, planner.lookouts, robots, robot):
+        if on_its_way and not is_worth_going(field, planner.sight, planner.lookouts, robots, robot):
             give_up(field, robots, trace, robot)
     for robot in range(len(robots.cell)):
         if is_held_back(field, limits, robots, trace) or robots.goal[robot] != NOWHERE:
@@ -171,9 +171,9 @@ def is_held_back(field: Field, limits: Limits, robots: Robots, trace: Trace) -> 
     return enough
 
 
-def sense(field: Field, sight: Sight, robots: Robots, trace: Trace, robot: int) -> None:
+def sense(field: Field, planner: Planner, robots: Robots, trace: Trace, robot: int) -> None:
     """Lines 10-12: sense around a robot, mark the grid, and keep the frontier up to date."""
-    sensed, free = 0, trace.counts[SENSED]
+    sight, sensed, free = planner.sight, 0, trace.counts[SENSED]
     for k in range(look(field, sight, field.world, THROUGH_OPEN, robots.cell[robot])):
         cell = sight.seen[k]
         before = field.known[cell]
@@ -184,6 +184,7 @@ def sense(field: Field, sight: Sight, robots: Robots, trace: Trace, robot: int) 
             sensed += 1
         if field.known[cell] != before:
             refresh_around(field, cell)
+    has_looked(planner.lookouts, robots.cell[robot])
     record(robots, trace, robot, robots.kind[robot], trace.counts[TIME], sensed)
 
 

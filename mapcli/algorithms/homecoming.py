@@ -40,7 +40,7 @@ def go_home(field: Field, planner: Planner, robots: Robots, trace: Trace, homes:
         for robot in range(len(homes)):
             if has_arrived(robots, robot):
                 if robots.kind[robot] == BLOCKED:
-                    sense(field, planner.sight, robots, trace, robot)
+                    sense(field, planner, robots, trace, robot)
                 else:
                     record(robots, trace, robot, HOME, trace.counts[TIME], 0)
 

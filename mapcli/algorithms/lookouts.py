@@ -1,12 +1,15 @@
 """Where a robot goes that is too large to stand on the frontier cells that are left.
 
-A LOOKOUT is a cell where it fits and from which it sees an unknown neighbour of a frontier cell,
-for sure: a ray over known open cells gets to the edge between the two (`sensing.look_back` says
-which ray; with a range of one cell, the unknown cell is one of the eight around the lookout). The
-nearest one is the next goal (ties: smallest row, then smallest column), whatever the strategy.
+A LOOKOUT is a cell where it fits (or is already), where no robot has sensed yet, and from which a
+look would show an unknown cell if all is as is known. The nearest one is the next goal, whatever
+the strategy (ties: smallest row, then smallest column).
 
-Lookouts are listed by looking back from the frontier. That is done anew when the list is of no
-use to a robot any longer and something has been learned in the meantime.
+So it ends: nobody looks twice from the same cell. And nothing is missed: as long as a robot can
+reach a cell from which there is something to see, it goes on.
+
+A cell from which nothing is to be seen stays so: its rays end at known obstacles, and only where
+an obstacle proves to be none is it worth looking at the cell again. So each cell is looked at
+once, as far as searches for the nearest lookout get.
 """
 
 from __future__ import annotations
@@ -15,29 +18,31 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapcli.algorithms.field import CHANGES, OPEN, UNKNOWN, Cells, Field
+from mapcli.algorithms.field import CONTRADICTED, Cells, Field
+from mapcli.algorithms.glimpse import Runs, make_runs, shows_unknown
 from mapcli.algorithms.goals import LOOKOUT, NOWHERE, Goal, takers
-from mapcli.algorithms.motion import Search, spread, start_search
-from mapcli.algorithms.sensing import Sight, look_back
+from mapcli.algorithms.motion import NEVER, Search, spread, start_search
+from mapcli.algorithms.sensing import Sight
 
 
 class Lookouts(NamedTuple):
-    """The list of lookouts (mutable).
+    """What is known of cells as lookouts (mutable).
 
     Attributes:
-        sees: for each cell on the list an unknown cell that is seen from there, else 0 (int64);
-            empty for robots that are points. It is of use as long as that cell is unknown.
-        listed: the field's CHANGES when the list was last made, shape (1,) (int64).
+        blank: for each cell, up to how many contradictions in the field it is none (int32): NEVER
+            where a robot has sensed, 0 where nobody has wondered. Empty for robots that are
+            points: those fit everywhere.
+        runs: see `glimpse.py`.
     """
 
-    sees: Cells
-    listed: Cells
+    blank: Cells
+    runs: Runs
 
 
 def make_lookouts(field: Field) -> Lookouts:
-    """An empty list."""
+    """Nobody has wondered yet."""
     size = len(field.known) if len(field.disc_rows) else 0
-    return Lookouts(np.zeros(size, np.int64), np.full(1, -1, np.int64))
+    return Lookouts(np.zeros(size, np.int32), make_runs(size))
 
 
 def find_lookout(
@@ -49,27 +54,17 @@ def find_lookout(
     robot: int,
     cell: int,
 ) -> Goal:
-    """The nearest lookout of a robot at a cell; as for `find_goal`, the path can then be read."""
-    if len(lookouts.sees) == 0:
-        return Goal(LOOKOUT, NOWHERE, 0, 0)
-    goal = find_listed(field, search, lookouts, goals, robot, cell)
-    if goal.cell == NOWHERE and lookouts.listed[0] != field.counts[CHANGES]:
-        list_lookouts(field, sight, lookouts)
-        goal = find_listed(field, search, lookouts, goals, robot, cell)
-    return goal
-
-
-def find_listed(
-    field: Field, search: Search, lookouts: Lookouts, goals: Cells, robot: int, cell: int
-) -> Goal:
-    """The nearest lookout on the list that is of use, and to which nobody else goes."""
-    best, begin, end, moves = NOWHERE, 0, start_search(field, search, cell), 0
+    """The nearest lookout of a robot at a cell, to which nobody else goes; as for `find_goal`,
+    the path to it can then be read from `search`."""
+    best, moves = NOWHERE, 0
+    begin, end = 0, start_search(field, search, cell) if len(lookouts.blank) else 0
     while begin < end and best == NOWHERE:
         for k in range(begin, end):
             there = search.queue[k]
-            if best != NOWHERE and best < there:
-                continue
-            if is_lookout(field, lookouts, there) and takers(goals, robot, there) == 0:
+            fits = not field.crowded[there] or moves == 0
+            is_better = best == NOWHERE or there < best
+            is_free = fits and is_better and takers(goals, robot, there) == 0
+            if is_free and is_lookout(field, sight, lookouts, there):
                 best = there
         if best == NOWHERE:
             moves += 1
@@ -77,27 +72,18 @@ def find_listed(
     return Goal(LOOKOUT, best, 0, moves)
 
 
-def is_lookout(field: Field, lookouts: Lookouts, cell: int) -> bool:
-    """Whether a cell is on the list and still of use."""
-    seen = lookouts.sees[cell]
-    return seen > 0 and field.known[seen] == UNKNOWN and not field.crowded[cell]
+def is_lookout(field: Field, sight: Sight, lookouts: Lookouts, cell: int) -> bool:
+    """Whether a look from a cell would show something; where a robot fits is not asked here."""
+    contradicted = field.counts[CONTRADICTED]
+    if lookouts.blank[cell] > contradicted:
+        return False
+    if shows_unknown(field, sight, lookouts.runs, cell):
+        return True
+    lookouts.blank[cell] = contradicted + 1
+    return False
 
 
-def list_lookouts(field: Field, sight: Sight, lookouts: Lookouts) -> None:
-    """List all lookouts there are, and leave those on the list that are of use."""
-    lookouts.listed[0] = field.counts[CHANGES]
-    for cell in range(len(field.known)):
-        if field.frontier[cell]:
-            for m in range(4):  # the straight moves
-                unknown = cell + field.moves[m]
-                if field.known[unknown] == UNKNOWN:
-                    list_one(field, sight, lookouts, cell, unknown)
-
-
-def list_one(field: Field, sight: Sight, lookouts: Lookouts, cell: int, unknown: int) -> None:
-    """List the cells from which an unknown cell is seen through a frontier cell."""
-    for k in range(look_back(field, sight, cell, unknown)):
-        place = sight.seen[k]
-        fits = field.known[place] == OPEN and not field.crowded[place]
-        if fits and not is_lookout(field, lookouts, place):
-            lookouts.sees[place] = unknown
+def has_looked(lookouts: Lookouts, cell: int) -> None:
+    """A robot has sensed on a cell, which is no lookout any longer."""
+    if len(lookouts.blank):
+        lookouts.blank[cell] = NEVER

@@ -92,30 +92,6 @@ def look(field: Field, sight: Sight, kinds: Cells, passed: int, cell: int) -> in
     return seen
 
 
-def look_back(field: Field, sight: Sight, cell: int, unknown: int) -> int:
-    """From where an unknown cell is seen through a neighbour of it that is open, `cell`: how many
-    cells of `sight.seen` hold the answer.
-
-    Those are the cells within range from whose middle a ray over known open cells gets to one of
-    three points of the edge between the two: its middle, and a sixth of a cell off its ends. A
-    ray may graze corners on one side.
-    """
-    if sight.range == 1:
-        return look_around(field, sight, unknown)
-    start_look(sight)
-    away, seen = cell - unknown, 0
-    is_vertical = away == field.stride or away == -field.stride
-    ahead = 1 if away > 0 else -1
-    for along in (-1, 1):
-        for steep in (True, False):
-            vertical, horizontal = (ahead, along) if is_vertical else (along, ahead)
-            octant = octant_of(field, sight, cell, vertical, horizontal, steep)
-            for point in (0, -2, 2):
-                from_there = from_edge(octant, steep == is_vertical, point * along)
-                seen = look_in_octant(sight, field.known, THROUGH_OPEN, cell, from_there, seen)
-    return seen
-
-
 def start_look(sight: Sight) -> None:
     """What was seen before counts no longer."""
     sight.looks[0] += 1
@@ -126,20 +102,17 @@ def start_look(sight: Sight) -> None:
 
 
 class Octant(NamedTuple):
-    """An eighth of what there is to see, from the middle of a cell or from an edge of it.
+    """An eighth of what there is to see from a cell.
 
-    It has rows in its own sense, at depth 1, 2, ... away from the viewpoint, and in them cells
-    0, 1, ... aside of its axis; rays have slopes (cells aside per row) from 0 to 1. From the
-    middle of a cell, the cell at (depth, aside) is entered by rays of slopes
-    (6 aside - 3) / (6 depth + 3) to (6 aside + 3) / (6 depth - 3), in sixths of a cell.
+    It has rows in its own sense, at depth 1, 2, ... away from the cell, and in them cells 0, 1,
+    ... aside of its axis; rays have slopes (cells aside per row) from 0 to 1. The cell at
+    (depth, aside) is entered by rays of slopes (2 aside - 1) / (2 depth + 1) to
+    (2 aside + 1) / (2 depth - 1).
 
     Attributes:
         down, right: index offsets from row to row, and from cell to cell.
         down_here, right_here: the same in the sensor's window.
         far, wide: how many rows and cells there are up to the edge of the map.
-        back, left: sixths of a cell from the viewpoint to the middle of its cell.
-        behind, beside: 1 when the viewpoint is on the edge at the back, or at the left, of its
-            cell, and the cell beyond that edge is to be sensed from where the rays get to.
     """
 
     down: int
@@ -148,10 +121,6 @@ class Octant(NamedTuple):
     right_here: int
     far: int
     wide: int
-    back: int
-    left: int
-    behind: int
-    beside: int
 
 
 def octant_of(
@@ -165,20 +134,9 @@ def octant_of(
     down_here, right_here = vertical * (2 * sight.reach + 1), horizontal
     if steep:
         far, wide = min(height, sight.reach), width
-        return Octant(down, right, down_here, right_here, far, wide, 0, 0, 0, 0)
+        return Octant(down, right, down_here, right_here, far, wide)
     far, wide = min(width, sight.reach), height
-    return Octant(right, down, right_here, down_here, far, wide, 0, 0, 0, 0)
-
-
-def from_edge(octant: Octant, behind: bool, point: int) -> Octant:
-    """The same octant from a point of an edge: the one at the back, or else the one at the left;
-    `point` is counted in sixths of a cell from the edge's middle, the octant's way."""
-    down, right, down_here, right_here, far, wide, _, _, _, _ = octant
-    back, left = (3, -point) if behind else (-point, 3)
-    at_back = 1 if behind else 0
-    return Octant(
-        down, right, down_here, right_here, far, wide, back, left, at_back, 1 - at_back
-    )  # fmt: skip
+    return Octant(right, down, right_here, down_here, far, wide)
 
 
 def look_around(field: Field, sight: Sight, cell: int) -> int:
@@ -197,40 +155,32 @@ def look_in_octant(
 ) -> int:
     """Follow the rays of one octant; returns the new number of cells in `sight.seen`.
 
-    A sector holds the slopes between two fractions, low / low_by and high / high_by. From the
-    middle of a cell all cells are seen that a ray enters; from the middle of an edge those whose
-    middle one gets to.
+    A sector holds the slopes between two fractions, low / low_by and high / high_by.
     """
     centre, limit = sight.reach * (2 * sight.reach + 2), sight.range * sight.range
-    behind, beside = octant.behind, octant.beside
-    sectors, waiting = sight.sectors, push(sight.sectors, 0, 1 - behind, 0, 1, 1, 1)
+    sectors, waiting = sight.sectors, push(sight.sectors, 0, 1, 0, 1, 1, 1)
     while waiting:
         waiting -= 5
         depth = sectors[waiting]
         low, low_by = sectors[waiting + 1], sectors[waiting + 2]
         high, high_by = sectors[waiting + 3], sectors[waiting + 4]
         while depth <= octant.far and low * high_by < high * low_by:
-            near_edge, far_edge = 6 * depth - 3 + octant.back, 6 * depth + 3 + octant.back
+            near_edge, far_edge = 2 * depth - 1, 2 * depth + 1
             # The first cell that the lowest ray has not yet passed at the row's near edge.
-            aside = (low * near_edge - (3 + octant.left) * low_by) // (6 * low_by) + 1
+            aside = (low * near_edge - low_by) // (2 * low_by) + 1
             while low * high_by < high * low_by:
-                left, right = 6 * aside - 3 + octant.left, 6 * aside + 3 + octant.left
+                left, right = 2 * aside - 1, 2 * aside + 1
                 if left * high_by >= high * far_edge:
                     break
-                distance = (depth + behind) ** 2 + (aside + beside) ** 2
-                if aside > octant.wide or distance > limit:
+                if aside > octant.wide or depth * depth + aside * aside > limit:
                     high, high_by = left, far_edge  # the rays from here on have ended
                     break
                 cell = origin + depth * octant.down + aside * octant.right
-                if behind + beside == 0 or (
-                    low * (far_edge + near_edge) <= (left + right) * low_by
-                    and (left + right) * high_by <= high * (far_edge + near_edge)
-                ):
-                    here = centre + depth * octant.down_here + aside * octant.right_here
-                    if sight.window[here] != sight.looks[0]:
-                        sight.window[here] = sight.looks[0]
-                        sight.seen[seen] = cell
-                        seen += 1
+                here = centre + depth * octant.down_here + aside * octant.right_here
+                if sight.window[here] != sight.looks[0]:
+                    sight.window[here] = sight.looks[0]
+                    sight.seen[seen] = cell
+                    seen += 1
                 if not (passed >> kinds[cell]) & 1:
                     if low * far_edge < left * low_by:
                         waiting = push(sectors, waiting, depth + 1, low, low_by, left, far_edge)
@@ -256,7 +206,12 @@ def push(
 def expected(field: Field, sight: Sight, cell: int) -> int:
     """Cells expected to be seen from a cell: those unknown ones that rays would show if nothing
     but the known obstacles (and cells known to be unknowable) stood in their way."""
+    return count_unknown(field, sight, look(field, sight, field.known, THROUGH_UNKNOWN, cell))
+
+
+def count_unknown(field: Field, sight: Sight, seen: int) -> int:
+    """How many of the first cells of `sight.seen` are unknown."""
     count = 0
-    for k in range(look(field, sight, field.known, THROUGH_UNKNOWN, cell)):
+    for k in range(seen):
         count += field.known[sight.seen[k]] == UNKNOWN
     return count

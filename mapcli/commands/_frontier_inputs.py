@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 
 from mapcli.algorithms.explore import contradictions
+from mapcli.errors import DataError
 from mapcli.formats.grey import Dialect
 from mapcli.formats.maps import load_map, read_file
 from mapcli.model.exploration import Cell
@@ -55,9 +56,27 @@ def load_mission(
     digests: dict[str, str] = {}
     grid = _load(world, dialect, digests, quiet=quiet)
     told = _load(known, dialect, digests, quiet=quiet) if known is not None else None
-    placed = grid.cells_of_world(points).tolist() if points else []
-    robots = (*cells, *((row, column) for row, column in placed))
+    robots = (*cells, *(cell_at(grid, point, world) for point in points))
     return Mission(world, grid, told, robots, digests)
+
+
+def cell_at(grid: GridMap, point: tuple[float, float], file: str) -> Cell:
+    """The cell in which a place in metres lies.
+
+    Raises:
+        DataError: it is outside the map.
+    """
+    ((row, column),) = grid.cells_of_world([point]).tolist()
+    if not grid.contains(row, column):
+        width, height = grid.columns * grid.resolution, grid.rows * grid.resolution
+        origin = grid.origin
+        raise DataError(
+            f"--robot-xy {point[0]:g},{point[1]:g} is outside the world",
+            file=file,
+            expected=f"a place on its {width:g} x {height:g} m, whose bottom left corner is at "
+            f"{origin.x:g},{origin.y:g}",
+        )
+    return row, column
 
 
 def _load(file: str, dialect: Dialect, digests: dict[str, str], *, quiet: bool) -> GridMap:

@@ -29,8 +29,8 @@ class Step:
     Attributes:
         robot: counted from 0.
         kind: `start`: senses where it stands at first; `frontier`: goes to a frontier cell;
-            `lookout`: is too large for those that are left, and goes where it sees what is beside
-            one; `blocked`: an obstacle believed to be open stopped it on the way; `stop`: ends
+            `lookout`: is too large for those that are left, and goes where it can see something
+            unknown; `blocked`: an obstacle believed to be open stopped it on the way; `stop`: ends
             where it is, because its goal has lost its interest; `home`: goes home.
         time: when it gets there, in time steps; all robots move by one cell per time step.
         origin, goal: where it comes from and gets to.

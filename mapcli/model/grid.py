@@ -25,6 +25,9 @@ from mapcli.model.pose import Pose2D
 UNKNOWN = np.float32(np.nan)
 """The content of a cell that has not been explored (`?` in text, 205 in a trinary PGM)."""
 
+FAR = 2.0**40
+"""Cells; no map reaches as far."""
+
 
 @dataclass(frozen=True, eq=False)
 class GridMap:
@@ -116,7 +119,8 @@ class GridMap:
     def cells_of_world(self, points: ArrayLike) -> NDArray[np.int64]:
         """(row, column) of the cells that hold world points, shape (n, 2); may lie outside."""
         local = self.origin.inverse().apply(np.asarray(points, dtype=np.float64).reshape(-1, 2))
-        u, v = np.floor(local / self.resolution).astype(np.int64).T
+        # What is too far away for a whole number is outside all the same.
+        u, v = np.floor(np.clip(local / self.resolution, -FAR, FAR)).astype(np.int64).T
         return np.column_stack([self.rows - 1 - v, u])
 
 

@@ -18,6 +18,7 @@ from mapcli.algorithms import (
     field,
     fleet,
     frontier,
+    glimpse,
     goals,
     homecoming,
     lookouts,
@@ -27,7 +28,9 @@ from mapcli.algorithms import (
     sensing,
 )
 
-MODULES = (field, sensing, motion, parts, goals, lookouts, fleet, frontier, homecoming, outset)
+MODULES = (
+    field, sensing, motion, parts, goals, glimpse, lookouts, fleet, frontier, homecoming, outset,
+)  # fmt: skip
 """Whose functions are compiled, callees first."""
 
 
