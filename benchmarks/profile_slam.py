@@ -21,8 +21,8 @@ from typing import Any
 
 from mapcli.algorithms.slam import Slam, SlamParameters
 from mapcli.commands._log_options import LogInput
+from mapcli.commands._replay import Replay
 from mapcli.commands._replay_outputs import ReplayOutputs, write_outputs
-from mapcli.commands.slam_replay import Replay
 
 STAGES = {
     "perceiving": ("mapcli.algorithms.slam", "perceive"),

@@ -10,9 +10,10 @@ import numpy as np
 from mapcli.algorithms.keyframes import Track, bend
 from mapcli.algorithms.loops import LoopCloser, LoopParameters
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
+from mapcli.algorithms.pose_graph import Edge
 from mapcli.algorithms.surfels import SurfelMap
 from mapcli.model.pose import Pose2D
-from mapcli.model.trace import Loop
+from mapcli.model.trace import Information, Loop
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def finish(
         grid.integrate(poses[keyframe.scan], keyframe.perception)
     scans = [track.keyframes[stretch.anchor].scan for stretch in closed.stretches]
     found = tuple(
-        Loop(scans[edge.from_], scans[edge.to], edge.measured, score)
+        Loop(scans[edge.from_], scans[edge.to], edge.measured, score, information_of(edge))
         for edge, score in zip(closed.loops, closed.scores, strict=True)
     )
     return Finished(poses, grid, found)
@@ -84,3 +85,10 @@ def refine(
         if moved < parameters.still_m:
             break
     return poses
+
+
+def information_of(edge: Edge) -> Information:
+    """The inverse of an edge's covariance, its upper triangle."""
+    upper = np.linalg.inv(edge.covariance)[np.triu_indices(3)].tolist()
+    a, b, c, d, e, f = (float(value) for value in upper)
+    return a, b, c, d, e, f

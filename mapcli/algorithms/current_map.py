@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
+from mapcli.algorithms.occupancy import OccupancyGrid
 from mapcli.algorithms.perception import Perception
 from mapcli.model.pose import Pose2D
 
@@ -24,17 +24,19 @@ class CurrentMapParameters:
         update_m, update_deg: the map is updated when the robot has moved or turned this far.
             Writing every scan lets the small errors of many poses smear the walls they are
             matched against, and a map that is smeared lets the next poses drift.
-        most_m: metres driven that the map remembers at most; inf never forgets.
+        most_m: metres driven that the map remembers at most; None never forgets.
         least_m, least_updates: metres driven, and updates, that it remembers at least.
         fewest: a scan of fewer points is nothing to start a map with.
+        frozen: the map is not written to at all.
     """
 
     update_m: float = 0.3
     update_deg: float = 17.0
-    most_m: float = 30.0
+    most_m: float | None = 30.0
     least_m: float = 7.5
     least_updates: int = 10
     fewest: int = 5
+    frozen: bool = False
 
 
 class CurrentMap:
@@ -46,9 +48,8 @@ class CurrentMap:
         grid: what to compare with.
     """
 
-    def __init__(self, map_: MapParameters, parameters: CurrentMapParameters) -> None:
-        self.grid = OccupancyGrid(map_)
-        self.parameters, self._map = parameters, map_
+    def __init__(self, grid: OccupancyGrid, parameters: CurrentMapParameters) -> None:
+        self.grid, self.parameters = grid, parameters
         self._younger: OccupancyGrid | None = None
         self._updated_at: Pose2D | None = None
         self._metres, self._young_updates = 0.0, 0
@@ -56,6 +57,8 @@ class CurrentMap:
     def update(self, pose: Pose2D, perception: Perception) -> bool:
         """Line 10, if the robot has come far enough since the last update; whether it has."""
         last = self._updated_at
+        if self.parameters.frozen:
+            return False
         if last is not None and not self._is_new_ground(last.between(pose)):
             return False
         self.grid.integrate(pose, perception)
@@ -74,8 +77,10 @@ class CurrentMap:
     def _forget(self, pose: Pose2D, perception: Perception) -> None:
         """Begin a younger map when it is time, write to it, and let it take over."""
         p = self.parameters
+        if p.most_m is None:
+            return
         if self._younger is None and self._metres >= p.most_m - p.least_m:
-            self._younger, self._young_updates = OccupancyGrid(self._map), 0
+            self._younger, self._young_updates = OccupancyGrid(self.grid.parameters), 0
         if self._younger is None:
             return
         self._younger.integrate(pose, perception)

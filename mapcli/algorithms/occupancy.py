@@ -11,7 +11,7 @@ and falling off as a Gaussian around it, with coarser levels that bound it (`_ke
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,27 +91,60 @@ class OccupancyGrid:
         self.walls = SurfelMap(self.parameters.resolution)
         self._bump = self.parameters.bump()
         self._u0 = self._v0 = 0
+        self._base = np.zeros(2)  # where cell (0, 0) would be, in the world
         self._changed = np.empty((0, 2), dtype=np.int32)
+
+    @classmethod
+    def of(cls, known: GridMap, parameters: MapParameters) -> OccupancyGrid:
+        """A map to go on from.
+
+        Raises:
+            DataError: a map whose origin has a yaw, or one without a wall.
+        """
+        if known.origin.theta:
+            raise DataError(
+                f"the origin's yaw is {math.degrees(known.origin.theta):g} deg",
+                expected="0, which `mapcli transform --bake-yaw` makes it",
+            )
+        grid = cls(replace(parameters, resolution=known.resolution))
+        grid._base = np.array([known.origin.x, known.origin.y])
+        size = np.array([known.columns, known.rows]) * known.resolution
+        grid.cover(grid._base, grid._base + size)
+        rows, columns = (
+            slice(-grid._v0, known.rows - grid._v0),
+            slice(-grid._u0, known.columns - grid._u0),
+        )
+        grid.log_odds[rows, columns] = log_odds_of(known.cells[::-1], grid.parameters)
+        walls = np.argwhere(grid.log_odds > 0).astype(np.int32)
+        if not len(walls):
+            raise DataError("no occupied cell", expected="a map with walls")
+        update_field(grid.fields, LEVEL_WIDTHS, grid.log_odds, walls, grid._bump)
+        corner = np.array([grid._u0, grid._v0]) + 0.5
+        grid.walls.add((walls[:, ::-1] + corner) * known.resolution + grid._base)
+        return grid
 
     def to_cells(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """World points, shape (n, 2), as (u, v) in cells of the array."""
-        return points / self.parameters.resolution - np.array([self._u0, self._v0], np.float64)
+        corner = np.array([self._u0, self._v0], np.float64)
+        return (points - self._base) / self.parameters.resolution - corner
 
     def pose_to_cells(self, pose: Pose2D) -> NDArray[np.float64]:
         """(u, v, theta) of a world pose."""
-        scale = self.parameters.resolution
-        return np.array([pose.x / scale - self._u0, pose.y / scale - self._v0, pose.theta])
+        scale, (x, y) = self.parameters.resolution, self._base
+        u, v = (pose.x - x) / scale - self._u0, (pose.y - y) / scale - self._v0
+        return np.array([u, v, pose.theta])
 
     def pose_from_cells(self, cells: NDArray[np.float64]) -> Pose2D:
         """The world pose of (u, v, theta)."""
-        scale = self.parameters.resolution
+        scale, (x, y) = self.parameters.resolution, self._base.tolist()
         u, v, theta = (float(value) for value in cells)
-        return Pose2D((u + self._u0) * scale, (v + self._v0) * scale, wrap_angle(theta))
+        return Pose2D((u + self._u0) * scale + x, (v + self._v0) * scale + y, wrap_angle(theta))
 
     def holds(self, centre: Pose2D, radius: float) -> bool:
         """Whether the array holds a circle, metres, as `cover` would have it."""
         scale, edge = self.parameters.resolution, MARGIN + len(self._bump) + 1
-        u, v, reach = centre.x / scale - self._u0, centre.y / scale - self._v0, radius / scale
+        u, v, _ = self.pose_to_cells(centre).tolist()
+        reach = radius / scale
         rows, columns = self.log_odds.shape
         return min(u, v) - reach >= edge and u + reach < columns - edge and v + reach < rows - edge
 
@@ -124,8 +157,8 @@ class OccupancyGrid:
         scale, edge = self.parameters.resolution, MARGIN + len(self._bump)
         if max(high - low) / scale > MAX_CELLS:
             raise _too_large(high - low)
-        first = [math.floor(value / scale) - edge for value in low]
-        last = [math.floor(value / scale) + edge for value in high]
+        first = [math.floor(value / scale) - edge for value in low - self._base]
+        last = [math.floor(value / scale) + edge for value in high - self._base]
         rows, columns = self.log_odds.shape
         for axis, (start, length) in enumerate(((self._u0, columns), (self._v0, rows))):
             stop = start + length
@@ -189,8 +222,20 @@ class OccupancyGrid:
         table = (1 / (1 + np.exp(-counts * LOG_ODDS_UNIT))).astype(np.float32)
         table[-p.lowest] = np.nan
         # Whole cells times the resolution, without the last bit's noise.
-        corner = (round((self._u0 + u) * p.resolution, 9), round((self._v0 + v) * p.resolution, 9))
+        corner = (
+            round((self._u0 + u) * p.resolution + float(self._base[0]), 9),
+            round((self._v0 + v) * p.resolution + float(self._base[1]), 9),
+        )
         return GridMap.from_bottom_up(table[part - p.lowest], p.resolution, corner)
+
+
+def log_odds_of(probabilities: NDArray[np.float32], parameters: MapParameters) -> NDArray[np.int16]:
+    """Probabilities, nan where unknown, as the log-odds of a map: 0 only where unknown."""
+    known = np.clip(np.nan_to_num(probabilities.astype(np.float64), nan=0.5), 1e-9, 1 - 1e-9)
+    counts = np.round(np.log(known / (1 - known)) / LOG_ODDS_UNIT)
+    counts = np.clip(counts, parameters.lowest, parameters.highest)
+    counts[(counts == 0) & ~np.isnan(probabilities)] = -1
+    return counts.astype(np.int16)
 
 
 def _too_large(metres: NDArray[np.float64]) -> DataError:

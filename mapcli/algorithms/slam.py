@@ -15,17 +15,23 @@ from mapcli.algorithms.closing import Finished, RefineParameters, finish
 from mapcli.algorithms.current_map import CurrentMap, CurrentMapParameters
 from mapcli.algorithms.dead_reckoning import DeadReckoning, OdometryModel
 from mapcli.algorithms.keyframes import Track
+from mapcli.algorithms.locate import locate
 from mapcli.algorithms.loops import LoopParameters
 from mapcli.algorithms.matching import Match, MatchParameters, best_pose, thinned
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.odometry import odometry_at_scans
 from mapcli.algorithms.perception import Perception, PerceptionParameters, perceive
+from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan, Record
 from mapcli.model.trace import Status, TracedPose
 
 SCORE_MEMORY = 0.05
 """The weight of the newest score in the running mean that tells what score is usual."""
+
+
+MOST_TRIES = 10
+"""Scans that are looked for in a whole known map."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +51,9 @@ class SlamParameters:
 class Slam:
     """A run of Algorithm 9.2 (stateful: `map` and `pose` change with every scan).
 
+    It begins with an empty map, or with a known one; there, without a start pose, the first scan
+    is looked for in the whole map.
+
     Attributes:
         current: m, the current map, and when it is updated.
         pose: c, the current position; the first scan is taken at the start pose.
@@ -52,10 +61,16 @@ class Slam:
         track: all poses until now.
     """
 
-    def __init__(self, parameters: SlamParameters | None = None, start: Pose2D | None = None):
+    def __init__(
+        self,
+        parameters: SlamParameters | None = None,
+        start: Pose2D | None = None,
+        known: OccupancyGrid | None = None,
+    ) -> None:
         self.parameters = p = parameters or SlamParameters()
-        self.current = CurrentMap(p.map, p.current)
+        self.current = CurrentMap(known or OccupancyGrid(p.map), p.current)
         self.pose = start or Pose2D()
+        self._is_lost, self._tries = known is not None and start is None, 0
         self.odometry = DeadReckoning(p.odometry, p.calibration)
         self.track = Track()
         self._usual_score, self._has_begun = 0.9, False
@@ -77,7 +92,9 @@ class Slam:
         n = c.compose(motion or Pose2D())  # 3: new position based on odometry
         p = perceive(scan, self.parameters.perception)  # 4: analyze sensor data
         b = Match(n, 0.0, 0, found=False)
-        if not first:  # 5-8: the best test position around n
+        if self._is_lost:
+            b = self._locate(p)
+        elif not first:  # 5-8: the best test position around n
             spread = self.odometry.spread(motion)
             b = best_pose(self.map, p, n, spread, self.parameters.match, self._usual_score)
             self._learn(c, b)
@@ -86,6 +103,17 @@ class Slam:
         self.pose, self._has_begun = n, True  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
         return TracedPose(scan.stamp_ns, n, odom, b.score if b.found else None, status)
+
+    def _locate(self, perception: Perception) -> Match:
+        """The first position in a known map."""
+        match = locate(self.map, perception, self.parameters.match)
+        self._is_lost, self._tries = not match.found, self._tries + 1
+        if self._is_lost and self._tries == MOST_TRIES:
+            raise DataError(
+                f"the first {MOST_TRIES} scans are found nowhere in the known map",
+                expected="--initial-pose, or another map",
+            )
+        return match
 
     def _learn(self, before: Pose2D, match: Match) -> None:
         """What the match tells about scores and wheels."""
@@ -100,6 +128,12 @@ class Slam:
         self.track.add(pose, thinned(perception.hits, self.parameters.map.resolution))
         if in_map:
             self.track.add_keyframe(perception, match.covariance, self.parameters.odometry)
+
+    @property
+    def stretches(self) -> int:
+        """About how many stretches of track `finish` will look at."""
+        loops, keyframes = self.parameters.loops, self.track.keyframes
+        return 1 + int(keyframes[-1].metres / loops.stretch_m) if loops and keyframes else 0
 
     def finish(self, progress: Callable[[int], None] = lambda step: None) -> Finished | None:
         """Close the loops and refine all poses; None if there is nothing to improve.

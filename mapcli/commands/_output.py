@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import BinaryIO, TypeVar
@@ -125,3 +125,13 @@ def progress(
         items, label=label, length=total, file=sys.stderr, update_min_steps=16, show_pos=True
     ) as bar:
         yield from bar
+
+
+@contextmanager
+def progress_of_steps(label: str, total: int, *, quiet: bool) -> Iterator[Callable[[int], None]]:
+    """Something to call with the number of each step that is done, shown as `progress` does."""
+    if quiet or not total or not sys.stderr.isatty():
+        yield lambda step: None
+        return
+    with click.progressbar(length=total, label=label, file=sys.stderr, show_pos=True) as bar:
+        yield lambda step: bar.update(step + 1 - bar.pos)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import gc
-import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any
 
 import click
 
+from mapcli.algorithms.current_map import CurrentMapParameters
+from mapcli.algorithms.loops import LoopParameters
 from mapcli.algorithms.matching import MatchParameters
-from mapcli.algorithms.occupancy import MapParameters
+from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import PerceptionParameters
 from mapcli.algorithms.slam import Slam, SlamParameters
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
@@ -22,10 +22,11 @@ from mapcli.commands._options import (
     Command,
     LimitType,
     Number,
+    PoseType,
     common_options,
     no_clobber_option,
 )
-from mapcli.commands._output import progress
+from mapcli.commands._replay import Replay
 from mapcli.commands._replay_outputs import (
     ReplayOutputs,
     check_replay_outputs,
@@ -34,12 +35,12 @@ from mapcli.commands._replay_outputs import (
     write_outputs,
 )
 from mapcli.errors import DataError
-from mapcli.formats.logs import Log
-from mapcli.model.scan import RangeScan, Record
-from mapcli.model.summary import Limit, ReplaySummary
-from mapcli.model.trace import PoseTrace, TracedPose
+from mapcli.formats.maps import load_map
+from mapcli.model.pose import Pose2D
+from mapcli.model.summary import Limit
 
 MAP, MATCH, PERCEPTION = MapParameters(), MatchParameters(), PerceptionParameters()
+CURRENT = CurrentMapParameters()
 
 
 def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Command], Command]:
@@ -80,8 +81,14 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
     "Degrees between test headings.",
     type=Number(0.01, 90),
 )
-@click.option("--no-loop-closing", is_flag=True, help="Accepted for scripts: this version does "
-              "not close loops, so large ones may not meet.")  # fmt: skip
+@_option("--loop-closing/--no-loop-closing", True, "Find out where the robot came back, and put "
+         "right the whole way round; without, the plain Algorithm 9.2.")  # fmt: skip
+@click.option("--known", metavar="MAP", type=FILE, help="A map to go on from, instead of an empty "
+              "one; no loops are closed then.")  # fmt: skip
+@click.option("--initial-pose", metavar="X,Y,THETA_DEG", type=PoseType("X,Y,THETA_DEG"),
+              help="Where the robot starts.  [default: 0,0,0; in a known map it is searched for]")  # fmt: skip
+@click.option("--localize", is_flag=True, help="Find the poses in the known map, and leave it as "
+              "it is.")  # fmt: skip
 @click.option("--fail-if", "limits", type=LimitType(), multiple=True,
               help="Exit with 3 when this holds for the summary, e.g. used_share<0.95. "
               "Repeatable.")  # fmt: skip
@@ -90,8 +97,8 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 def command(
     logs: tuple[str, ...], folder: str | None, png: str | None, map_: str | None,
     json: str | None, trace: str | None, mcap: str | None, log_input: LogInput,
-    no_loop_closing: bool, limits: tuple[Limit, ...], no_clobber: bool, quiet: bool,
-    verbose: bool, **model: Any,
+    loop_closing: bool, known: str | None, initial_pose: Pose2D | None, localize: bool,
+    limits: tuple[Limit, ...], no_clobber: bool, quiet: bool, verbose: bool, **model: Any,
 ) -> None:  # fmt: skip
     """Turn a robot log into a map and a pose trace (Algorithm 9.2).
 
@@ -110,11 +117,15 @@ def command(
         usual = asdict(ReplayOutputs.in_folder(folder or default_folder(logs[0])))
         named = {key: value for key, value in asdict(outputs).items() if value}
         outputs = ReplayOutputs(**{**usual, **named})
-    check_replay_outputs(outputs, logs, no_clobber=no_clobber)
-    parameters = slam_parameters(**model)
-    replay = Replay(log_input.open(logs), log_input, parameters)
+    if localize and not known:
+        raise click.UsageError("--localize needs --known, the map to find the poses in.")
+    inputs = [*logs, known] if known else logs
+    check_replay_outputs(outputs, inputs, no_clobber=no_clobber)
+    parameters = slam_parameters(loops=loop_closing and not known, frozen=localize, **model)
+    slam = Slam(parameters, initial_pose, known_map(known, parameters) if known else None)
+    replay = Replay(log_input.open(logs), log_input, slam)
     replay.run(quiet=quiet)
-    summary, grid = replay.summary(), replay.slam.map.to_grid_map()
+    summary, grid = replay.summary(), replay.grid()
     head = {"inputs": replay.log.digests(), "parameters": replay.effective_parameters()}
     write_outputs(outputs, grid, replay.trace(), head, summary, no_clobber=no_clobber)
     if not quiet:
@@ -137,6 +148,8 @@ def slam_parameters(
     window_theta_deg: float,
     step_xy: float | None,
     step_theta_deg: float,
+    loops: bool,
+    frozen: bool,
 ) -> SlamParameters:
     """The parameters of the algorithm from the options of the command line.
 
@@ -145,7 +158,11 @@ def slam_parameters(
     """
     if range_min is not None and range_max is not None and range_max <= range_min:
         raise click.UsageError("--range-max is not more than --range-min.")
+    if search != "window":
+        loops = False  # poses that are not searched for closely are not worth it
     return SlamParameters(
+        current=replace(CURRENT, frozen=frozen, most_m=CURRENT.most_m if loops else None),
+        loops=LoopParameters() if loops else None,
         map=replace(MAP, resolution=resolution),
         perception=PerceptionParameters(range_min, range_max, no_return),
         match=replace(
@@ -159,84 +176,14 @@ def slam_parameters(
     )
 
 
-class Replay:
-    """One run over a log (stateful), from which the results are taken even when it is stopped.
+def known_map(name: str, parameters: SlamParameters) -> OccupancyGrid:
+    """The map of a file, to go on from.
 
-    Attributes:
-        log: what is replayed; slam: the algorithm with its map.
-        poses: what is known so far.
-        interrupted: the user stopped it with Ctrl-C.
+    Raises:
+        DataError: of a map that cannot be gone on from, see `OccupancyGrid.of`.
     """
-
-    def __init__(self, log: Log, log_input: LogInput, parameters: SlamParameters) -> None:
-        self.log, self.log_input, self.parameters = log, log_input, parameters
-        self.slam = Slam(parameters)
-        self.poses: list[TracedPose] = []
-        self.interrupted = False
-        self._asked = 0
-        self._started = time.perf_counter()
-
-    def run(self, *, quiet: bool) -> None:
-        """Replay the log to its end, or to Ctrl-C.
-
-        Raises:
-            DataError: not one scan in the part asked for, or none before Ctrl-C.
-        """
-        gc.freeze()  # the compiler's many objects will not become garbage; do not look again
-        records = self._counting(self.log_input.records(self.log))
-        steps = self.slam.replay(records)
-        try:
-            for pose in progress(steps, self.log.name, self.log.scan_count, quiet=quiet):
-                self.poses.append(pose)
-        except KeyboardInterrupt:
-            self.interrupted = True
-            if not self.poses:
-                raise
-        except DataError as error:
-            error.file = error.file or self.log.name
-            raise
-        if not self.poses:
-            raise DataError("no scan in the part asked for", file=self.log.name)
-
-    def _counting(self, records: Iterable[Record]) -> Iterator[Record]:
-        for record in records:
-            self._asked += isinstance(record, RangeScan)
-            yield record
-
-    def trace(self) -> PoseTrace:
-        return PoseTrace(tuple(self.poses))
-
-    def summary(self) -> ReplaySummary:
-        """What became of the scans."""
-        trace = self.trace()
-        damage = dict(self.log.damage.counts)
-        skipped = {what: n for what, n in damage.items() if self._costs_scans(what)}
-        if self._asked > len(self.poses):
-            skipped["scans not reached before the interruption"] = self._asked - len(self.poses)
-        statuses = [pose.status for pose in self.poses]
-        return ReplaySummary(
-            scans=len(self.poses) + sum(skipped.values()),
-            used=len(self.poses),
-            matched=statuses.count("matched"),
-            odometry=statuses.count("odometry"),
-            skipped=skipped,
-            distance_m=trace.distance(),
-            duration_s=(self.poses[-1].stamp_ns - self.poses[0].stamp_ns) * 1e-9,
-            loops=len(trace.loops),
-            mean_score=trace.mean_score(),
-            odometry_jumps=self.slam.odometry_jumps,
-            damage=damage,
-            interrupted=self.interrupted,
-            seconds=time.perf_counter() - self._started,
-        )
-
-    def _costs_scans(self, what: str) -> bool:
-        """Whether a kind of damage means that a scan could not be used."""
-        topic = self.log.scan_topic
-        return what.startswith(
-            ("scans ", f"messages on {topic} ", f"lines without a valid {topic} ")
-        )
-
-    def effective_parameters(self) -> dict[str, Any]:
-        """Everything that the result depends on."""
-        return {**self.log_input.parameters(), **asdict(self.parameters)}
+    try:
+        return OccupancyGrid.of(load_map(name).grid, parameters.map)
+    except DataError as error:
+        error.file = error.file or name
+        raise

@@ -1,0 +1,60 @@
+"""Finding a robot of which nobody knows where it is: every cell and heading of a known map."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from mapcli.algorithms._kernels import matching as kernels
+from mapcli.algorithms.matching import Match, MatchParameters, thinned
+from mapcli.algorithms.occupancy import LEVEL_WIDTHS, OccupancyGrid
+from mapcli.algorithms.perception import Perception
+from mapcli.errors import DataError
+from mapcli.model.pose import Pose2D
+
+MOST_NODES = 60_000_000
+"""Squares times headings that are looked into: some seconds, and 1 GB."""
+
+SEARCH_CELLS = 4.0
+"""Cells between the points that are searched for: walls make themselves known with fewer."""
+
+
+def locate(grid: OccupancyGrid, perception: Perception, parameters: MatchParameters) -> Match:
+    """The best pose of a scan anywhere in a map, by branch and bound, then refined.
+
+    It is not found when the scan has too few points, or fits nowhere.
+
+    Raises:
+        DataError: a map too large to be searched.
+    """
+    points = thinned(perception.hits, grid.parameters.resolution)
+    if len(points) < parameters.fewest:
+        return Match(Pose2D(), 0.0, 0, found=False)
+    cell, step = grid.parameters.resolution, math.radians(parameters.step_theta_deg)
+    known = np.argwhere(grid.log_odds)
+    low, high = known.min(axis=0)[::-1], known.max(axis=0)[::-1] + 1
+    middle = grid.pose_from_cells(np.array([*((low + high) / 2), 0.0]))
+    reach, turns = int((high - low).max()) // 2 + 1, math.ceil(math.pi / step)
+    if (2 * reach / LEVEL_WIDTHS[-1] + 1) ** 2 * (2 * turns + 1) > MOST_NODES:
+        raise DataError(
+            f"too large to look everywhere: {2 * reach * cell:.0f} m across",
+            expected="an --initial-pose, or a map of coarser cells",
+        )
+    slack = reach * cell + float(np.hypot(*points.T).max()) + max(LEVEL_WIDTHS) * cell
+    centre = np.array([middle.x, middle.y])
+    grid.cover(centre - slack, centre + slack)
+    du, dv, turn, _, _ = kernels.search(
+        grid.fields, LEVEL_WIDTHS, thinned(points, SEARCH_CELLS * cell) / cell,
+        grid.pose_to_cells(middle), (reach, turns), (1, step), (0.0, 1.0, 0.0, 0.0),
+        len(LEVEL_WIDTHS) - 1,
+    )  # fmt: skip
+    best = grid.pose_to_cells(middle) + np.array([du, dv, turn * step])
+    fit = grid.walls.fit(points, grid.pose_from_cells(best))
+    overlap, score = kernels.overlap(
+        grid.log_odds, grid.fields[0], points / cell, grid.pose_to_cells(fit.pose)
+    )
+    found = score >= parameters.odd_below and overlap >= parameters.lost_overlap * len(points)
+    match = Match(fit.pose, score, overlap, found)
+    return match if found else replace(match, pose=Pose2D())
