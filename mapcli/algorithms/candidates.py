@@ -73,7 +73,7 @@ class Window:
     xy: float
     theta_deg: float
     step_xy: float | None = None
-    step_theta_deg: float = 1.0
+    step_theta_deg: float = 0.5
 
     def axes(self, cell: float | None) -> tuple[Floats, Floats]:
         """Offsets along one axis, in cells (in units without cells), and turns in degrees.

@@ -41,7 +41,7 @@ def dump_perception(perception: Writable, name: str, odom: Pose2D | None = None)
 
 def _content(perception: Writable) -> dict[str, Any]:
     if isinstance(perception, PerceptionDatabase):
-        head = {"kind": "database", "of": perception.of}
+        head: dict[str, Any] = {"kind": "database", "of": perception.of}
         if perception.of == "scan":
             head["range_max"] = _rounded(perception.range_max)
         candidates = [_expectation(e, perception.of) for e in perception.expectations]
