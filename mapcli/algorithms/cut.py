@@ -38,8 +38,11 @@ class Cut:
         return self.first_odom.between(self.odom)
 
 
-def scan_at(records: Iterable[Record], origin_ns: int, seconds: float) -> Cut:
-    """The scan nearest to a time after `origin_ns`; of two, the earlier one.
+def scan_at(records: Iterable[Record], start_ns: list[int], seconds: float) -> Cut:
+    """The scan nearest to a time after the log's start; of two, the earlier one.
+
+    Args:
+        records: a part of the log; start_ns: the stamp of its first record, from `noting_start`.
 
     Raises:
         DataError: the time is outside the log.
@@ -49,7 +52,7 @@ def scan_at(records: Iterable[Record], origin_ns: int, seconds: float) -> Cut:
     last = 0.0
     for number, (scan, odom) in enumerate(odometry_at_scans(records)):
         first = odom if number == 0 else first
-        last = (scan.stamp_ns - origin_ns) * 1e-9
+        last = (scan.stamp_ns - start_ns[0]) * 1e-9
         if best is None or abs(last - seconds) < abs(best.seconds - seconds):
             best = Cut(scan, number, last, odom, first)
         elif last > seconds:
@@ -86,6 +89,7 @@ def scan_perception(
         farthest,
         Pose2D(mount.x, mount.y),
         p.no_return,
+        walls="ends",
     )
 
 

@@ -2,9 +2,9 @@
 
 The scores are an array [turn, dv, du]. The peak's *hill* is every pose that is connected with it
 (over the up to 26 neighbours) through scores above the middle between the window's median and the
-peak. The second peak is the highest local maximum outside the hill; in a corridor the hill is
-long, in an ambiguous place the second peak is nearly as high as the first. The covariance is that
-of the hill's poses, each weighted by its height above the hill's foot.
+peak. The second peak is the highest local maximum outside the hill and above the median; in a
+corridor the hill is long, in an ambiguous place the second peak is nearly as high as the first.
+The covariance is that of the hill's poses, each weighted by its height above the hill's foot.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def find_peaks(table: SimilarityTable, similarity: Similarity, window: tuple[Flo
     )
     foot = (top + middle) / 2 if top > middle else middle - 1e-9
     hill = _connected(scores > foot, peak)
-    second = _second(scores, hill)
+    second = _second(scores, hill, middle)
     share = None
     if second is not None and top > middle:
         share = float(max(scores[second] - middle, 0.0) / (top - middle))
@@ -92,8 +92,9 @@ def _connected(mask: Mask, start: tuple[int, ...]) -> Mask:
         found = more
 
 
-def _second(scores: Floats, hill: Mask) -> tuple[int, ...] | None:
-    """The highest local maximum outside the hill; its rim is a slope, not a peak."""
+def _second(scores: Floats, hill: Mask, middle: float) -> tuple[int, ...] | None:
+    """The highest local maximum outside the hill and above the middle; the hill's rim is a slope,
+    not a peak."""
     highest = scores.copy()
     for axis in range(3):
         wider = highest.copy()
@@ -102,7 +103,7 @@ def _second(scores: Floats, hill: Mask) -> tuple[int, ...] | None:
         np.maximum(wider[tuple(low)], highest[tuple(high)], out=wider[tuple(low)])
         np.maximum(wider[tuple(high)], highest[tuple(low)], out=wider[tuple(high)])
         highest = wider
-    summits = (scores >= highest) & np.isfinite(scores) & ~_grown(hill)
+    summits = (scores >= highest) & (scores > middle) & ~_grown(hill)
     if not summits.any():
         return None
     flat = np.where(summits, scores, -np.inf)

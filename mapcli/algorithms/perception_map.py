@@ -16,6 +16,11 @@ rest (hidden), **the majority rule** is:
 - unknown (0) otherwise. Cells beyond the range, behind the wall or between beams are hidden.
 
 So a wall that runs along the middle of a row makes that row the obstacle, and not the next one.
+
+Maps that are drawn from beams, as `slam-replay` does, have their walls where the beams end, half a
+cell nearer on average. For them there is **the rule of ends**: the cells in which beams end are
+obstacles, and of the others those are empty that are more than half free.
+
 Coordinates are (u, v) in cells of the map, u along x and v along y; arrays are bottom-up.
 """
 
@@ -29,6 +34,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.perception import Perception
 from mapcli.errors import DataError
+from mapcli.model.perception import Walls
 
 Floats = NDArray[np.float64]
 Box = tuple[int, int, int, int]
@@ -60,22 +66,32 @@ class PerceptionMap:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """A scan as closed paths in the robot's frame, in cells; both of shape (n, 2)."""
+    """A scan as closed paths in the robot's frame, in cells; all of shape (n, 2).
+
+    Attributes:
+        face, back: see the module; the same where walls have no thickness.
+        ends: where beams end in obstacles, for the rule of ends; else empty.
+    """
 
     face: Floats
     back: Floats
+    ends: Floats
 
 
-def outline(perception: Perception, cell: float) -> Outline:
-    """Face and back of a scan; `cell` is the size of a cell in the unit of the ranges."""
+def outline(perception: Perception, cell: float, walls: Walls = "thick") -> Outline:
+    """Face and back of a scan; `cell` is the size of a cell in the unit of the ranges.
+
+    `walls` chooses the majority rule (`thick`) or the rule of ends.
+    """
     ends = (np.concatenate([perception.hits, perception.open_ends]) - perception.laser) / cell
     laser = perception.laser / cell
     bearing, length = np.arctan2(ends[:, 1], ends[:, 0]), np.hypot(ends[:, 0], ends[:, 1])
     order = np.argsort(bearing, kind="stable")
     hit = (np.arange(len(ends)) < len(perception.hits))[order]
     bearing, length, ends = bearing[order], length[order], ends[order]
+    none = np.empty((0, 2))
     if not len(ends):
-        return Outline(np.empty((0, 2)), np.empty((0, 2)))
+        return Outline(none, none, none)
     gap = np.diff(bearing, append=bearing[0] + math.tau)
     usual = min(WIDEST, float(np.sort(gap)[(len(gap) - 1) // 2]))
     joined = gap <= 1.5 * usual + EXACT
@@ -100,7 +116,9 @@ def outline(perception: Perception, cell: float) -> Outline:
     back[2] = np.where(joined, back[1], 0.0)
     rays = np.stack([np.cos(bearings), np.sin(bearings)], axis=2)
     paths = [(rays * radii[..., None]).swapaxes(0, 1).reshape(-1, 2) for radii in (face, back)]
-    return Outline(paths[0] + laser, paths[1] + laser)
+    if walls == "ends":
+        return Outline(paths[0] + laser, paths[0] + laser, perception.hits / cell)
+    return Outline(paths[0] + laser, paths[1] + laser, none)
 
 
 def _walls(
@@ -137,14 +155,24 @@ def perception_map(
         from mapcli.algorithms._kernels.similarity import draw
 
         rows, columns = box[3] - box[1], box[2] - box[0]
-        drawn = draw(face, back, box[0], box[1], rows, columns, EXACT)
-        return PerceptionMap(drawn, box[0], box[1])
+        values = draw(face, back, box[0], box[1], rows, columns, EXACT)
+    else:
+        values = _drawn(face, back, box)
+    if len(scan.ends):
+        u, v = (np.floor(_placed(scan.ends, pose)).astype(np.int64) - box[:2]).T
+        inside = (u >= 0) & (v >= 0) & (u < values.shape[1]) & (v < values.shape[0])
+        values[v[inside], u[inside]] = 1
+    return PerceptionMap(values, box[0], box[1])
+
+
+def _drawn(face: Floats, back: Floats, box: Box) -> NDArray[np.int8]:
+    """The majority rule for every cell of a box."""
     free = covered(face, box)
     wall = covered(back, box) - free
     values = np.zeros(free.shape, np.int8)
     values[free > 0.5 + EXACT] = -1
     values[(wall >= 0.5 - EXACT) & (wall > 1 - free - wall + EXACT)] = 1
-    return PerceptionMap(values, box[0], box[1])
+    return values
 
 
 def _placed(points: Floats, pose: Floats) -> Floats:

@@ -106,7 +106,7 @@ def scan_table(
     intended = scan.standpoint.pose(grid)
     counts = scan_counts(
         SignMap(signs_of(grid, low)),
-        outline(seen_by(scan), grid.resolution),
+        outline(seen_by(scan), grid.resolution, scan.walls),
         in_cells(grid, intended),
         np.radians(candidates.turns_deg),
         candidates.offsets,
@@ -119,7 +119,7 @@ def scan_table(
 
 def scan_map(grid: GridMap, scan: ScanPerception, pose: Pose2D) -> PerceptionMap:
     """What a scan says about the cells of a map, and beyond, if it was taken at a world pose."""
-    return perception_map(outline(seen_by(scan), grid.resolution), in_cells(grid, pose))
+    return perception_map(outline(seen_by(scan), grid.resolution, scan.walls), in_cells(grid, pose))
 
 
 def grid_table(

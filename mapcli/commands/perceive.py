@@ -198,9 +198,7 @@ def _from_log(
     records = noting_start(log.records(), start_ns)
     chosen = select(records, log_input.start_s, log_input.end_s, log_input.every)
     try:
-        first = next(chosen, None)
-        cut = scan_at([] if first is None else _chained(first, chosen), start_ns[0] if start_ns
-                      else 0, at)  # fmt: skip
+        cut = scan_at(chosen, start_ns, at)
         perception = scan_perception(cut.scan, cut.pose())
     except DataError as error:
         error.file = error.file or log.name
@@ -211,8 +209,3 @@ def _from_log(
     if cut.odom is None:
         said += "; the log has no odometry there, so its pose is 0, 0, 0"
     return dump_perception(perception, out, cut.odom), said
-
-
-def _chained(first: Any, rest: Any) -> Any:
-    yield first
-    yield from rest

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -13,6 +13,7 @@ import click
 from mapcli.algorithms.matching import MatchParameters
 from mapcli.algorithms.occupancy import MapParameters
 from mapcli.algorithms.perception import PerceptionParameters
+from mapcli.algorithms.similarity import SIMILARITIES
 from mapcli.algorithms.slam import Slam, SlamParameters
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._options import (
@@ -32,6 +33,7 @@ from mapcli.commands._replay_outputs import (
     report,
     write_outputs,
 )
+from mapcli.commands._replay_perceptions import perception_files, write_perceptions
 from mapcli.errors import DataError
 from mapcli.formats.logs import Log
 from mapcli.model.scan import RangeScan, Record
@@ -82,6 +84,9 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 @_option("--search", MATCH.search, "Where to look for each scan's pose: in a window around the "
          "odometry's, at the book's fifteen poses, or nowhere (believe the odometry).",
          type=click.Choice(("window", "book", "none")))  # fmt: skip
+@click.option("--similarity", type=click.Choice(SIMILARITIES), help="How --search book compares; "
+              "`window` always uses the likelihood field.  "
+              f"[default: {MATCH.similarity}]")  # fmt: skip
 @_option("--window-xy", MATCH.window_xy, "Least half-width of the window, metres; it grows with "
          "the odometry's likely error.", type=NOT_NEGATIVE)  # fmt: skip
 @_option("--window-theta-deg", MATCH.window_theta_deg, "The same for the heading, degrees.",
@@ -98,12 +103,16 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 @click.option("--fail-if", "limits", type=LimitType(), multiple=True,
               help="Exit with 3 when this holds for the summary, e.g. used_share<0.95. "
               "Repeatable.")  # fmt: skip
+@click.option("--save-perception", "saved", metavar="N", type=click.IntRange(0), multiple=True,
+              help="Write scan N (from 0) with its estimated pose into the folder, as "
+              "perception-N.yaml for `mapcli similarity-table`. Repeatable.")  # fmt: skip
 @no_clobber_option
 @common_options
 def command(
     logs: tuple[str, ...], folder: str | None, png: str | None, map_: str | None,
     json: str | None, trace: str | None, mcap: str | None, log_input: LogInput,
-    no_loop_closing: bool, limits: tuple[Limit, ...], no_clobber: bool, quiet: bool,
+    no_loop_closing: bool, limits: tuple[Limit, ...], saved: tuple[int, ...],
+    no_clobber: bool, quiet: bool,
     verbose: bool, **model: Any,
 ) -> None:  # fmt: skip
     """Turn a robot log into a map and a pose trace (Algorithm 9.2).
@@ -123,14 +132,19 @@ def command(
         usual = asdict(ReplayOutputs.in_folder(folder or default_folder(logs[0])))
         named = {key: value for key, value in asdict(outputs).items() if value}
         outputs = ReplayOutputs(**{**usual, **named})
-    check_replay_outputs(outputs, logs, no_clobber=no_clobber)
+    files = perception_files(folder or default_folder(logs[0]), saved)
+    check_replay_outputs(outputs, logs, list(files.values()), no_clobber=no_clobber)
     parameters = slam_parameters(**model)
-    replay = Replay(log_input.open(logs), log_input, parameters)
+    replay = Replay(log_input.open(logs), log_input, parameters, files)
     replay.run(quiet=quiet)
     summary, grid = replay.summary(), replay.slam.map.to_grid_map()
     head = {"inputs": replay.log.digests(), "parameters": replay.effective_parameters()}
     write_outputs(outputs, grid, replay.trace(), head, summary, no_clobber=no_clobber)
+    write_perceptions(files, replay.kept, replay.trace(), parameters.perception, replay.log.name,
+                      no_clobber=no_clobber)  # fmt: skip
     if not quiet:
+        if model["similarity"] and parameters.match.search != "book":
+            click.echo("Note: --similarity is for --search book and changes nothing.", err=True)
         say_notes(replay.log, verbose=verbose)
         report(summary, grid, outputs)
     if replay.interrupted:
@@ -146,6 +160,7 @@ def slam_parameters(
     range_max: float | None,
     no_return: Any,
     search: Any,
+    similarity: Any,
     window_xy: float,
     window_theta_deg: float,
     step_xy: float | None,
@@ -164,6 +179,7 @@ def slam_parameters(
         match=replace(
             MATCH,
             search=search,
+            similarity=similarity or MATCH.similarity,
             window_xy=window_xy,
             window_theta_deg=window_theta_deg,
             step_xy=step_xy,
@@ -179,13 +195,19 @@ class Replay:
         log: what is replayed; slam: the algorithm with its map.
         poses: what is known so far.
         interrupted: the user stopped it with Ctrl-C.
+        kept: the scans that are to be saved, by number.
     """
 
-    def __init__(self, log: Log, log_input: LogInput, parameters: SlamParameters) -> None:
+    def __init__(
+        self, log: Log, log_input: LogInput, parameters: SlamParameters,
+        keep: Container[int] = (),
+    ) -> None:  # fmt: skip
         self.log, self.log_input, self.parameters = log, log_input, parameters
         self.slam = Slam(parameters)
         self.poses: list[TracedPose] = []
         self.interrupted = False
+        self.kept: dict[int, RangeScan] = {}
+        self._keep = keep
         self._asked = 0
         self._started = time.perf_counter()
 
@@ -213,7 +235,10 @@ class Replay:
 
     def _counting(self, records: Iterable[Record]) -> Iterator[Record]:
         for record in records:
-            self._asked += isinstance(record, RangeScan)
+            if isinstance(record, RangeScan):
+                if self._asked in self._keep:
+                    self.kept[self._asked] = record
+                self._asked += 1
             yield record
 
     def trace(self) -> PoseTrace:

@@ -7,6 +7,7 @@ YAML or JSON with a `kind`:
     range_max: 5                              in the map's unit
     beams: [[-15, 3.2], [0, null], ...]       bearing from the heading in degrees, range or null
     no_return: clear                          or ignore: what beams with null say
+    walls: thick                              or ends: cells in which beams end are obstacles
     laser: {x: 0.2, y: 0, theta_deg: 0}       where they start on the robot; 0, 0, 0 when absent
     steps: 1                                  of the candidates, in cells; several in a list
     turns_deg: [0, -15, 15]
@@ -111,8 +112,13 @@ def _scan(document: Document) -> ScanPerception:
     no_return: Any = "clear"
     if "no_return" in document.nodes:
         no_return = choice(document, "no_return", ("clear", "ignore"))
+    walls: Any = "thick"
+    if "walls" in document.nodes:
+        walls = choice(document, "walls", ("thick", "ends"))
     beams = _beams(document)
-    return ScanPerception(standpoint(document), beams, range_max, laser, no_return, steps, turns)
+    return ScanPerception(
+        standpoint(document), beams, range_max, laser, no_return, walls, steps, turns
+    )
 
 
 def _range_max(document: Document) -> float:

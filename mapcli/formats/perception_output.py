@@ -1,6 +1,6 @@
 """Perceptions out; see `perception.py` for the format.
 
-Lengths and degrees have six decimals, which is finer than any sensor.
+Lengths and poses have six decimals, bearings four, which is finer than any sensor.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def dump_perception(perception: Writable, name: str, odom: Pose2D | None = None)
         content["odom"] = _pose(odom)
     if PurePath(name).suffix.lower() == ".json":
         return json_bytes(content)
-    return "".join(f"{key}: {_yaml(value)}\n" for key, value in content.items()).encode()
+    return "".join(f"{key}:{_yaml(value)}\n" for key, value in content.items()).encode()
 
 
 def _content(perception: Writable) -> dict[str, Any]:
@@ -55,7 +55,7 @@ def _content(perception: Writable) -> dict[str, Any]:
         return {"kind": "landmarks", "pose": place, **search,
                 "measured": _measured(perception.measured)}  # fmt: skip
     content = {"kind": "scan", "pose": place, "range_max": _rounded(perception.range_max),
-               "no_return": perception.no_return}  # fmt: skip
+               "no_return": perception.no_return, "walls": perception.walls}  # fmt: skip
     if perception.laser != Pose2D():
         content["laser"] = _pose(perception.laser)
     return {**content, **search, "beams": _beams(perception.beams)}
@@ -75,16 +75,20 @@ def _expectation(expectation: Expectation, of: str) -> dict[str, Any]:
 
 def _beams(readings: Any) -> list[list[float | None]]:
     return [
-        [_rounded(math.degrees(bearing)), _rounded(reach) if math.isfinite(reach) else None]
+        [_bearing(bearing), _rounded(reach) if math.isfinite(reach) else None]
         for bearing, reach in readings.tolist()
     ]
 
 
 def _measured(readings: Any) -> list[list[float] | None]:
     return [
-        None if math.isnan(distance) else [_rounded(distance), _rounded(math.degrees(bearing))]
+        None if math.isnan(distance) else [_rounded(distance), _bearing(bearing)]
         for distance, bearing in readings.tolist()
     ]
+
+
+def _bearing(radians: float) -> float:
+    return _rounded(round(math.degrees(radians), 4))
 
 
 def _standpoint(place: Standpoint) -> dict[str, Any]:
@@ -109,7 +113,7 @@ def _rounded(value: float) -> float:
 def _yaml(value: Any) -> str:
     """Lists of readings or candidates with a line for each, anything else in one line."""
     if not isinstance(value, list) or not any(isinstance(v, list | dict) for v in value):
-        return _flow(value)
+        return f" {_flow(value)}"
     lines = []
     for item in value:
         if isinstance(item, dict):

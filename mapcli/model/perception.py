@@ -18,6 +18,9 @@ TURNS_DEG: tuple[float, ...] = (0.0, -15.0, 15.0)
 """The candidates of Sect. 9.5: one cell to each side, 15 degrees clockwise and back."""
 
 
+Walls = Literal["thick", "ends"]
+
+
 @dataclass(frozen=True, slots=True)
 class Standpoint:
     """Where a robot takes itself to be: in metres, or in the middle of a cell.
@@ -63,6 +66,8 @@ class ScanPerception:
         range_max: farther readings are no return.
         laser: where the beams start, in the robot's frame.
         no_return: beams without return are open space (`clear`) or say nothing (`ignore`).
+        walls: one cell `thick` behind what the beams hit (Sect. 9.5), or the cells in which
+            beams end (`ends`), as in maps drawn from beams.
         steps, turns_deg: candidates.
     """
 
@@ -71,6 +76,7 @@ class ScanPerception:
     range_max: float
     laser: Pose2D = field(default_factory=Pose2D)
     no_return: Literal["clear", "ignore"] = "clear"
+    walls: Walls = "thick"
     steps: tuple[float, ...] = STEPS
     turns_deg: tuple[float, ...] = TURNS_DEG
 
