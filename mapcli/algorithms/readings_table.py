@@ -137,5 +137,6 @@ def _by_name(
         poses[place] = expectation.pose
     lower = similarity in LOWER_IS_BETTER
     return SimilarityTable(
-        similarity, lower, rows, columns, values, compared, lambda r, c: poses.get((r, c))
-    )
+        similarity, lower, rows, columns, values, compared, lambda r, c: poses.get((r, c)),
+        values.size - len(known),
+    )  # fmt: skip

@@ -134,11 +134,12 @@ def grid_table(
     given = perception.candidates
     rows = tuple(dict.fromkeys(c.position for c in given))
     columns = tuple(dict.fromkeys(c.turn_deg for c in given))
-    counts = np.zeros((len(rows), len(columns), 2, 2), np.int64)
+    values = np.full((len(rows), len(columns)), np.nan)
+    overlap = np.zeros(values.shape, np.int64)
     for k, c in enumerate(given):
         place = rows.index(c.position), columns.index(c.turn_deg)
-        counts[place] = current.counts(written_out(grid, perception, k), here)[0]
-    values, overlap = of_counts(similarity, counts), counts.sum(axis=(2, 3))
+        counts = current.counts(written_out(grid, perception, k), here)[0]
+        values[place], overlap[place] = of_counts(similarity, counts), counts.sum()
     usual = neighbours(perception.steps, columns)
     intended = None if perception.standpoint is None else perception.standpoint.pose(grid)
 
@@ -149,7 +150,8 @@ def grid_table(
         return usual.pose(intended, *place, grid.resolution, grid.origin.theta)
 
     lower = similarity in LOWER_IS_BETTER
-    return SimilarityTable(similarity, lower, rows, columns, values, overlap, pose_at)
+    missing = values.size - len(given)
+    return SimilarityTable(similarity, lower, rows, columns, values, overlap, pose_at, missing)
 
 
 def written_out(grid: GridMap, perception: GridPerceptions, index: int) -> PerceptionMap:

@@ -16,7 +16,7 @@ from mapcli.algorithms.readings_table import database_table, landmark_table
 from mapcli.algorithms.similarity import Similarity
 from mapcli.algorithms.similarity_table import grid_table, scan_map, scan_table, written_out
 from mapcli.errors import FormatError
-from mapcli.formats.maps import load_map, read_file
+from mapcli.formats.maps import SUFFIXES, load_map, read_file, sniff
 from mapcli.formats.perception import read_perception
 from mapcli.model.grid import GridMap
 from mapcli.model.perception import (
@@ -185,16 +185,21 @@ def load_comparison(
 
 
 def _points(data: bytes, file: str) -> World:
+    """The points map that landmarks are compared with.
+
+    Raises:
+        FormatError: the file holds something else.
+    """
     from mapcli.formats.world import read_world
 
-    try:
-        world = read_world(data, file)
-    except FormatError as error:
-        error.expected = error.expected or "a points map"
-        raise
+    expected = "a points map for landmarks, YAML with points: [[x, y], ...]"
+    if (SUFFIXES.get(Path(file).suffix.lower()) or sniff(data)) != "yaml":
+        raise FormatError("is no YAML", file=file, expected=expected)
+    if b"points" not in data:
+        raise FormatError("holds no points", file=file, expected=expected)
+    world = read_world(data, file)
     if not len(world.points):
-        raise FormatError("holds no points", file=file, expected="points: [[x, y], ...], which "
-                          "landmarks are compared with")  # fmt: skip
+        raise FormatError("holds no points", file=file, expected=expected)
     return world
 
 

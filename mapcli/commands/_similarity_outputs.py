@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from mapcli.algorithms.candidates import Window
 from mapcli.algorithms.expected import point_seen
 from mapcli.algorithms.map_update import side_by_side
 from mapcli.algorithms.peaks import find_peaks
+from mapcli.algorithms.similarity import better
 from mapcli.algorithms.similarity_table import in_cells, signs_of
 from mapcli.commands._frontier_outputs import map_files, write_all
 from mapcli.commands._similarity_inputs import (
@@ -68,7 +69,9 @@ class Answer:
     @property
     def unit(self) -> str:
         """What steps are counted in."""
-        return "cell" if isinstance(self.loaded.comparison, ScanOnMap | GridsOnMap) else "unit"
+        if isinstance(self.loaded.comparison, ReadingsInDatabase):
+            return "step"
+        return "unit" if isinstance(self.loaded.comparison, LandmarksOnMap) else "cell"
 
     def located(self) -> list[dict[str, Any]]:
         """Where sightings are, from the best pose and from the intended one (Activity 9.4)."""
@@ -136,28 +139,21 @@ def _markdown_surface(rows: list[float], columns: list[float], surface: Floats) 
     return [f"| {' | '.join(line)} |" for line in lines]
 
 
-def window_answer(
-    loaded: Loaded, settings: Settings, window: Window, table: SimilarityTable,
-    sightings: tuple[Point, ...],
-) -> Answer:  # fmt: skip
-    """The answer for a window.
+def window_answer(answer: Answer, window: Window) -> Answer:
+    """The answer for a window: its peaks and the best score of all headings at each position.
 
     Raises:
         DataError: all poses score the same, so that there is no peak.
     """
-    comparison = loaded.comparison
+    comparison, table = answer.loaded.comparison, answer.table
     cell = comparison.grid.resolution if isinstance(comparison, ScanOnMap) else None
     along, turns = window.axes(cell)
-    peaks = find_peaks(table, settings.similarity, (along, turns), cell or 1.0)
-    values = np.where(table.comparable(), table.values, np.nan).reshape(
-        len(along), len(along), len(turns)
-    )
-    nothing = np.isnan(values).all(axis=2)
-    worst = np.inf if table.lower else -np.inf
-    filled = np.where(np.isnan(values), worst, values)
-    surface = filled.min(axis=2) if table.lower else filled.max(axis=2)
-    surface = np.where(nothing, np.nan, surface)[::-1]
-    return Answer(loaded, settings, table, sightings, window, along * (cell or 1.0), surface, peaks)
+    peaks = find_peaks(table, answer.settings.similarity, (along, turns), cell or 1.0)
+    scores = better(answer.settings.similarity, np.where(table.comparable(), table.values, np.nan))
+    highest = scores.max(axis=1).reshape(len(along), len(along))[::-1]
+    surface = np.where(np.isfinite(highest), -highest if table.lower else highest, np.nan)
+    along_m = along * (cell or 1.0)
+    return replace(answer, window=window, along=along_m, surface=surface + 0.0, peaks=peaks)
 
 
 def write_png(answer: Answer) -> bytes:

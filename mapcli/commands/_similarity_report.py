@@ -16,6 +16,7 @@ from mapcli.formats.similarity_table import (
     table_lines,
     turn_name,
 )
+from mapcli.model.log import counted
 from mapcli.model.similarity import Scored
 
 MOST_NAMED = 15
@@ -34,11 +35,12 @@ def report_lines(answer: Answer) -> list[str]:
 
 def _headline(answer: Answer) -> str:
     better = "lower" if answer.table.lower else "higher"
+    things = "obstacles" if answer.unit == "cell" else "equal readings"
     what = {
         "product": "S, the sum of products",
         "agreement": "share that agrees",
-        "jaccard": "obstacles in both / obstacles in either",
-        "correlation": "correlation",
+        "jaccard": f"{things} in both / in either",
+        "correlation": "Pearson's coefficient",
         "l1": "sum of absolute differences",
         "l2": "root of the sum of squared differences",
     }[answer.table.similarity]
@@ -97,7 +99,8 @@ def _from(seen: dict[str, dict[str, float] | None]) -> str:
     for key, name in (("from_best", "best"), ("from_intended", "intended")):
         point = seen[key]
         if point is not None:
-            places.append(f"x {point['x']:.3f}, y {point['y']:.3f} from the {name} pose")
+            x, y = (round(point[axis], 3) + 0.0 for axis in "xy")
+            places.append(f"x {x:.3f}, y {y:.3f} from the {name} pose")
     return "; ".join(places) or "no pose to see it from"
 
 
@@ -113,7 +116,8 @@ def notes(answer: Answer) -> Iterator[str]:
         return
     winners = table.winners()
     if best is None:
-        yield f"all {len(winners)} candidates that can be compared score {_score(winners)}: "\
+        many = f"all {len(winners)}" if len(winners) != 2 else "both"
+        yield f"{many} candidates score {_score(winners)}: "\
               "nothing can be concluded"  # fmt: skip
         return
     if len(winners) > 1:
@@ -122,9 +126,9 @@ def notes(answer: Answer) -> Iterator[str]:
     most = int(table.overlap.max())
     if best.overlap < most / 2:
         yield f"the best compares only {best.overlap:,} {_compared(answer)}, others up to {most:,}"
-    if (table.overlap == 0).any():
-        count = int((table.overlap == 0).sum())
-        yield f"{count} of the candidates do not overlap what the map knows; they cannot win"
+    count = int((~table.comparable()).sum()) - table.missing
+    if count:
+        yield f"{counted(count, 'candidates')} without anything to compare cannot win"
 
 
 def _score(winners: list[Scored]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -104,18 +106,38 @@ def command(
     _check(loaded, window, png, update, sightings)
     readings = isinstance(loaded.comparison, LandmarksOnMap | ReadingsInDatabase)
     settings = Settings(similarity or ("l1" if readings else "product"), low, bearing_weight)
-    answer = _answer(loaded, settings, window, sightings)
-    to_stdout = form != "table" or "-" not in outputs
-    if form != "table" or not quiet:
-        text = answer.text(form) if form != "table" else "\n".join(report_lines(answer)) + "\n"
-        click.echo(text, nl=False, err=not to_stdout)
-    if json:
-        _save(json, answer.json(), no_clobber=no_clobber)
-    if png:
-        _save(png, write_png(answer), no_clobber=no_clobber)
-    if update:
-        write_update(update, answer, no_clobber=no_clobber)
-    for text in () if quiet else [*loaded.warnings, *notes(answer)]:
+    with _naming(loaded.perception):
+        table = loaded.comparison.table(settings, window)
+        _must_overlap(table)
+        answer = Answer(loaded, settings, table, sightings)
+        if window is not None:
+            answer = window_answer(answer, window)
+        _print(answer, form, quiet=quiet, to_stderr="-" in outputs)
+        if json:
+            _save(json, answer.json(), no_clobber=no_clobber)
+        if png:
+            _save(png, write_png(answer), no_clobber=no_clobber)
+        if update:
+            write_update(update, answer, no_clobber=no_clobber)
+
+
+@contextmanager
+def _naming(perception: str) -> Iterator[None]:
+    """Errors about the data name the perception's file."""
+    try:
+        yield
+    except DataError as error:
+        error.file = error.file or perception
+        raise
+
+
+def _print(answer: Answer, form: str, *, quiet: bool, to_stderr: bool) -> None:
+    """The table in the form asked for, and what to know about it."""
+    if form != "table":
+        click.echo(answer.text(form), nl=False)
+    elif not quiet:
+        click.echo("\n".join(report_lines(answer)), err=to_stderr)
+    for text in () if quiet else [*answer.loaded.warnings, *notes(answer)]:
         click.echo(f"Note: {text}", err=True)
 
 
@@ -158,25 +180,6 @@ def _check(
         and Path(str(update)).suffix.lower() not in SUFFIXES
     ):
         raise click.UsageError(f"--update {update}: does not end in {', '.join(SUFFIXES)}.")
-
-
-def _answer(
-    loaded: Loaded, settings: Settings, window: Window | None, sightings: tuple[Any, ...]
-) -> Answer:
-    """The scores and what follows from them; errors name the perception.
-
-    Raises:
-        DataError: map and perception do not go together, or do not overlap.
-    """
-    try:
-        table = loaded.comparison.table(settings, window)
-        _must_overlap(table)
-        if window is not None:
-            return window_answer(loaded, settings, window, table, sightings)
-        return Answer(loaded, settings, table, sightings)
-    except DataError as error:
-        error.file = error.file or loaded.perception
-        raise
 
 
 def _must_overlap(table: SimilarityTable) -> None:

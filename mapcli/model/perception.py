@@ -46,9 +46,11 @@ class Standpoint:
             return Pose2D(*self.xy, self.theta)
         row, column = self.cell or (int(n) for n in grid.cells_of_world([self.xy])[0])
         if not grid.contains(row, column):
-            place = f"x {self.xy[0]:g}, y {self.xy[1]:g} " if self.cell is None else ""
+            place = f"cell {row},{column}"
+            if self.cell is None:
+                place = f"x {self.xy[0]:g}, y {self.xy[1]:g} ({place})"
             raise DataError(
-                f"pose: {place}cell {row},{column} is outside the map",
+                f"pose: {place} is outside the map",
                 expected=f"a place in its {grid.rows} rows and {grid.columns} columns",
             )
         x, y = self.xy if self.cell is None else grid.world_of_cells([row], [column])[0]

@@ -46,6 +46,7 @@ class SimilarityTable:
         columns: turns in degrees, counter-clockwise of the intended heading.
         values: shape (rows, columns); NaN where there is no score.
         overlap: shape (rows, columns), what was compared there: cells or readings.
+        missing: places of the table for which no candidate was given.
         pose_at: the pose of a row and column, None where it is not known. (A window has many.)
     """
 
@@ -56,6 +57,7 @@ class SimilarityTable:
     values: NDArray[np.float64]
     overlap: NDArray[np.int64]
     pose_at: Callable[[int, int], Pose2D | None]
+    missing: int = 0
 
     def __getitem__(self, place: tuple[int, int]) -> Scored:
         row, column = place
