@@ -195,7 +195,8 @@ def test_a_new_obstacle_goes_into_the_points_map(capsys: Capture) -> None:
     located = ("--locate", "3.16228,-3.43495", "--update", "after.yaml")
     assert run("similarity-table", POINTS, LANDMARKS, *located) == 0
     text = capsys.readouterr().out
-    assert "x 3.000, y 0.000 from the best pose; x 3.157, y -0.189 from the intended pose" in text
+    assert "  x 3.000, y 0.000 from the best pose\n" in text
+    assert "  x 3.157, y -0.189 from the intended pose\n" in text
     from mapcli.formats.world import read_world
 
     points = read_world(Path("after.yaml").read_bytes(), "after.yaml").points

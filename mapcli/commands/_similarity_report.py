@@ -28,8 +28,8 @@ def report_lines(answer: Answer) -> list[str]:
     lines = [_headline(answer), ""]
     lines += _window_lines(answer) if answer.peaks else _best_lines(answer)
     for seen in answer.located():
-        lines.append(f"  obstacle  at {seen['distance']:g}, {seen['bearing_deg']:g} deg: "
-                     f"{_from(seen)}")  # fmt: skip
+        lines.append(f"  obstacle  at {seen['distance']:g}, {seen['bearing_deg']:g} deg")
+        lines += [f"            {place}" for place in _places(seen)]
     return lines
 
 
@@ -94,14 +94,13 @@ def candidate_name(candidate: Scored, unit: str) -> str:
     return f"{position_name(candidate.position, unit)}, {turn_name(candidate.turn_deg)}"
 
 
-def _from(seen: dict[str, dict[str, float] | None]) -> str:
-    places = []
-    for key, name in (("from_best", "best"), ("from_intended", "intended")):
-        point = seen[key]
+def _places(seen: dict[str, dict[str, float] | None]) -> Iterator[str]:
+    """Where a sighting is, from each pose that is known."""
+    for name in ("best", "intended"):
+        point = seen[f"from_{name}"]
         if point is not None:
             x, y = (round(point[axis], 3) + 0.0 for axis in "xy")
-            places.append(f"x {x:.3f}, y {y:.3f} from the {name} pose")
-    return "; ".join(places) or "no pose to see it from"
+            yield f"x {x:.3f}, y {y:.3f} from the {name} pose"
 
 
 def notes(answer: Answer) -> Iterator[str]:
