@@ -427,3 +427,36 @@ def test_json_perceptions(table: Table) -> None:
     Path("p.json").write_text(json.dumps(content, indent="\t"))
     Path("m.txt").write_text("1 1 0\n")
     assert table("m.txt", "p.json")["values"] == [[2], [-2]]
+
+
+def test_where_a_map_lies_makes_no_difference(table: Table) -> None:
+    """The same map turned by 30 degrees and moved, at half the resolution, and the same scan."""
+    cells = "".join(line for line in Path(CORNER).read_text().splitlines(keepends=True)
+                    if not line.startswith("#"))  # fmt: skip
+    yaw = math.radians(30)
+    Path("turned.txt").write_text(f"resolution: 0.5\norigin: 7, -3, {yaw!r}\n{cells}")
+    scan = load_perception(SCAN)[0]
+    assert isinstance(scan, ScanPerception)
+    beams = [[math.degrees(b), None if math.isinf(r) else r / 2] for b, r in scan.beams.tolist()]
+    x = 7 + 0.5 * (6.5 * math.cos(yaw) - 3.5 * math.sin(yaw))
+    y = -3 + 0.5 * (6.5 * math.sin(yaw) + 3.5 * math.cos(yaw))
+    Path("p.json").write_text(json.dumps({
+        "kind": "scan", "pose": {"x": x, "y": y, "theta": yaw + math.pi / 2}, "range_max": 2.5,
+        "beams": beams}))  # fmt: skip
+    found = table("turned.txt", "p.json")
+    assert found["values"] == table(CORNER, SCAN)["values"]
+    assert found["best"]["pose"] == pytest.approx(
+        {"x": x, "y": y, "theta": yaw + math.radians(75)}, abs=1e-5
+    )
+
+
+def test_a_laser_off_the_robots_centre(table: Table) -> None:
+    """A laser one cell ahead of the robot, in the book's corner."""
+    text = Path(SCAN).read_text()
+    moved = text.replace("{cell: [4, 6], heading_deg: 90}", "{x: 6.5, y: 2.5, theta_deg: 90}")
+    assert moved != text
+    laser = "laser: {x: 1, y: 0, theta_deg: 0}\n"
+    Path("p.yaml").write_text(moved.replace("steps: 1\n", f"{laser}steps: 0\nturns_deg: 0\n")
+                              .replace("turns_deg: [0, -15, 15]\n", ""))  # fmt: skip
+    # At the intended heading the laser is where it is in the table's first entry.
+    assert table(CORNER, "p.yaml")["values"] == [[47]]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.candidates import Candidates, neighbours
 from mapcli.algorithms.perception import Perception
-from mapcli.algorithms.perception_map import Outline, PerceptionMap, outline, perception_map
+from mapcli.algorithms.perception_map import Box, Outline, PerceptionMap, outline, perception_map
 from mapcli.algorithms.similarity import LOWER_IS_BETTER, SignMap, Similarity, of_counts
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
@@ -117,9 +117,12 @@ def scan_table(
     return table_of(similarity, candidates, values, overlap, (intended, cell, yaw))
 
 
-def scan_map(grid: GridMap, scan: ScanPerception, pose: Pose2D) -> PerceptionMap:
+def scan_map(
+    grid: GridMap, scan: ScanPerception, pose: Pose2D, within: Box | None = None
+) -> PerceptionMap:
     """What a scan says about the cells of a map, and beyond, if it was taken at a world pose."""
-    return perception_map(outline(seen_by(scan), grid.resolution, scan.walls), in_cells(grid, pose))
+    drawn = outline(seen_by(scan), grid.resolution, scan.walls)
+    return perception_map(drawn, in_cells(grid, pose), within)
 
 
 def grid_table(

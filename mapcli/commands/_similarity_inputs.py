@@ -58,10 +58,12 @@ class ScanOnMap:
     def intended(self) -> Pose2D | None:
         return self.scan.standpoint.pose(self.grid)
 
-    def perceived(self, candidate: Scored) -> PerceptionMap:
-        """The perception map at a candidate."""
+    def perceived(self, candidate: Scored, *, near: bool = False) -> PerceptionMap:
+        """The perception map at a candidate; `near`, no farther off the map than it is large."""
         assert candidate.pose is not None  # scans always have one
-        return scan_map(self.grid, self.scan, candidate.pose)
+        rows, columns = self.grid.rows, self.grid.columns
+        within = (-columns, -rows, 2 * columns, 2 * rows) if near else None
+        return scan_map(self.grid, self.scan, candidate.pose, within)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +80,7 @@ class GridsOnMap:
         place = self.perceptions.standpoint
         return None if place is None else place.pose(self.grid)
 
-    def perceived(self, candidate: Scored) -> PerceptionMap:
+    def perceived(self, candidate: Scored, *, near: bool = False) -> PerceptionMap:
         """The perception map of a candidate."""
         names = [(c.position, c.turn_deg) for c in self.perceptions.candidates]
         index = names.index((candidate.position, candidate.turn_deg))

@@ -175,7 +175,7 @@ def write_png(answer: Answer) -> bytes:
     assert isinstance(comparison, ScanOnMap | GridsOnMap)
     low = answer.settings.low
     signs, perceived, corner = side_by_side(
-        signs_of(comparison.grid, low), comparison.perceived(best)
+        signs_of(comparison.grid, low), comparison.perceived(best, near=True)
     )
     robot = None
     if best.pose is not None:

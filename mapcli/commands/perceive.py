@@ -66,7 +66,7 @@ def _text(numbers: tuple[float, ...]) -> str:
 @click.argument("out", metavar="OUT", type=FILE)
 @click.option("--pose", type=PoseType("X,Y,THETA_DEG"), help="The intended pose in a map.")
 @click.option("--cell", type=CELL, help="The middle of this cell instead, with --heading-deg.")
-@click.option("--heading-deg", type=Number(), default=0.0, show_default=True,
+@click.option("--heading-deg", type=Number(-360, 360), default=0.0, show_default=True,
               help="The heading in --cell; 0 is right, 90 up.")  # fmt: skip
 @click.option("--at", type=NOT_NEGATIVE, metavar="SECONDS", help="Of a log: cut out the scan at "
               "this time after its start.")  # fmt: skip

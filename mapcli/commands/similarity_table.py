@@ -27,6 +27,7 @@ from mapcli.commands._similarity_inputs import (
     LandmarksOnMap,
     Loaded,
     ReadingsInDatabase,
+    ScanOnMap,
     Settings,
     load_comparison,
 )
@@ -88,6 +89,24 @@ def command(
     the points of a points map), or perception maps written out as in Fig. 9.20. Scans and
     perception maps need a grid MAP of any format. Without a window, the candidates are the book's
     fifteen: the intended cell and its four neighbours, each at three headings.
+
+    \b
+      kind: scan
+      pose: {cell: [4, 6], heading_deg: 90}      # or {x: 6.5, y: 3.5, theta_deg: 90}
+      range_max: 5
+      beams: [[-15, 3.2], [0, null], [15, 3.6]]  # bearing in degrees, range in the map's unit
+
+    \b
+      kind: landmarks
+      pose: {x: 0, y: 0, theta_deg: 0}
+      measured: [[2.0, 32.0], [2.6, -20.0]]      # distance and bearing, in the order of the points
+
+    \b
+      kind: grids                                # -1 empty, 1 obstacle, 0 or ? unknown
+      corner: [0, 0]                             # where they lie, if smaller than the map
+      candidates: [{position: intended, turn_deg: 0, rows: ["1 1 ?", "-1 -1 1"]}]
+
+    Scans and landmarks may have `steps: 1` and `turns_deg: [0, -15, 15]`.
 
     \b
     Examples:
@@ -166,8 +185,7 @@ def _check(
         click.UsageError: such options.
     """
     comparison = loaded.comparison
-    movable = not isinstance(comparison, ReadingsInDatabase) and hasattr(comparison, "candidates")
-    if window is not None and not (movable or isinstance(comparison, LandmarksOnMap)):
+    if window is not None and not isinstance(comparison, ScanOnMap | LandmarksOnMap):
         raise click.UsageError("A window needs a scan or landmarks, and a map to move them on.")
     if isinstance(comparison, ReadingsInDatabase) and (png or update):
         option = "--png" if png else "--update"

@@ -36,7 +36,7 @@ def position_name(name: str, unit: str) -> str:
     if name in ("up", "down", "left", "right"):
         return f"{name} one {unit}"
     if len(words) == 2 and words[0] in ("up", "down", "left", "right"):
-        return f"{name} {unit}s"
+        return f"{name} {unit}{'' if words[1] == '1' else 's'}"
     return name
 
 
