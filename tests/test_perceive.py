@@ -48,7 +48,7 @@ def best_of(capsys: Capture, *arguments: str) -> dict[str, Any]:
 
 
 def database(name: str) -> PerceptionDatabase:
-    found = load_perception(name)[0]
+    found = load_perception(name)
     assert isinstance(found, PerceptionDatabase)
     return found
 
@@ -106,7 +106,7 @@ def test_a_scan_expected_in_a_grid_map() -> None:
     """Straight up from the middle of cell 4,6 the wall is 3.5 away; to the right is nothing."""
     options = ("--heading-deg", "90", "--beams", "4", "--alone")
     assert run("perceive", "-q", CORNER, "--cell", "4,6", *options, "one.yaml") == 0
-    scan = load_perception("one.yaml")[0]
+    scan = load_perception("one.yaml")
     assert isinstance(scan, ScanPerception)
     assert np.degrees(scan.beams[:, 0]).round(6).tolist() == [-180, -90, 0, 90]
     assert scan.beams[:, 1].tolist() == [math.inf, math.inf, 3.5, 2.5]
@@ -151,11 +151,11 @@ def test_wrong_usage(arguments: tuple[str, ...]) -> None:
 @pytest.mark.parametrize("suffix", ["yaml", "json"])
 @pytest.mark.parametrize("source", ["corner-scan.yaml", "landmarks.yaml"])
 def test_perceptions_read_back_as_written(source: str, suffix: str) -> None:
-    perception = load_perception(FIXTURES / source)[0]
+    perception = load_perception(FIXTURES / source)
     assert isinstance(perception, ScanPerception | LandmarkPerception)
     data = dump_perception(perception, f"x.{suffix}")
     Path(f"x.{suffix}").write_bytes(data)
-    again = load_perception(f"x.{suffix}")[0]
+    again = load_perception(f"x.{suffix}")
     assert isinstance(again, ScanPerception | LandmarkPerception)
     assert dump_perception(again, f"x.{suffix}") == data
     assert again.standpoint == perception.standpoint
@@ -173,7 +173,7 @@ def test_the_scan_at_a_time_of_a_log(capsys: Capture) -> None:
     assert run("perceive", APARTMENT, "--at", "30.05", "one.yaml") == 0
     assert "scan 150 at 30.00 s, 360 beams" in capsys.readouterr().err
     odom = json.loads(Path("trace.json").read_text())["poses"][150]["odom"]
-    scan = load_perception("one.yaml")[0]
+    scan = load_perception("one.yaml")
     assert isinstance(scan, ScanPerception)
     found = (*scan.standpoint.xy, scan.standpoint.theta)
     assert found == pytest.approx((odom["x"], odom["y"], odom["theta"]), abs=2e-6)
@@ -238,7 +238,7 @@ def test_similarity_of_the_replay(capsys: Capture) -> None:
 def test_a_saved_scan_keeps_the_parameters_of_the_replay() -> None:
     options = ("--range-max", "2", "--no-return", "clear", "--save-perception", "3")
     assert run("slam-replay", "-q", str(FIXTURES / "corridor.mcap"), "-o", "out", *options) == 0
-    scan = load_perception("out/perception-3.yaml")[0]
+    scan = load_perception("out/perception-3.yaml")
     assert isinstance(scan, ScanPerception)
     assert (scan.range_max, scan.no_return, scan.walls) == (2, "clear", "ends")
     assert np.isinf(scan.beams[:, 1]).any()

@@ -83,7 +83,7 @@ def test_the_grids_are_the_scans_written_out() -> None:
     from mapcli.algorithms.similarity_table import scan_map
 
     grid = load_map(CORNER).grid
-    scan, written = load_perception(SCAN)[0], load_perception(GRIDS)[0]
+    scan, written = load_perception(SCAN), load_perception(GRIDS)
     assert isinstance(scan, ScanPerception)
     assert isinstance(written, GridPerceptions)
     candidates = neighbours(scan.steps, scan.turns_deg)
@@ -292,7 +292,7 @@ def test_compiled_and_plain_tables_are_the_same(monkeypatch: pytest.MonkeyPatch)
     from mapcli.algorithms import similarity_table
     from mapcli.algorithms.candidates import Window
 
-    grid, scan = load_map(CORNER).grid, load_perception(SCAN)[0]
+    grid, scan = load_map(CORNER).grid, load_perception(SCAN)
     assert isinstance(scan, ScanPerception)
     candidates = Window(3, 45, None, 5).candidates(1.0)
     both = []
@@ -435,7 +435,7 @@ def test_where_a_map_lies_makes_no_difference(table: Table) -> None:
                     if not line.startswith("#"))  # fmt: skip
     yaw = math.radians(30)
     Path("turned.txt").write_text(f"resolution: 0.5\norigin: 7, -3, {yaw!r}\n{cells}")
-    scan = load_perception(SCAN)[0]
+    scan = load_perception(SCAN)
     assert isinstance(scan, ScanPerception)
     beams = [[math.degrees(b), None if math.isinf(r) else r / 2] for b, r in scan.beams.tolist()]
     x = 7 + 0.5 * (6.5 * math.cos(yaw) - 3.5 * math.sin(yaw))

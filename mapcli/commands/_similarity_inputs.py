@@ -131,7 +131,7 @@ class Loaded:
 
     Attributes:
         perception: the file's name, for errors; digests: file name -> SHA-256;
-        warnings: sentences about the map.
+        warnings: sentences about the map, with its name.
     """
 
     comparison: Comparison
@@ -183,7 +183,7 @@ def load_comparison(
         if isinstance(perception, ScanPerception)
         else GridsOnMap(loaded.grid, perception)
     )
-    return Loaded(comparison, name, digests, loaded.warnings)
+    return Loaded(comparison, name, digests, tuple(f"{files[0]}: {w}" for w in loaded.warnings))
 
 
 def _points(data: bytes, file: str) -> World:

@@ -156,7 +156,9 @@ def _print(answer: Answer, form: str, *, quiet: bool, to_stderr: bool) -> None:
         click.echo(answer.text(form), nl=False)
     elif not quiet:
         click.echo("\n".join(report_lines(answer)), err=to_stderr)
-    for text in () if quiet else [*answer.loaded.warnings, *notes(answer)]:
+    for text in () if quiet else answer.loaded.warnings:
+        click.echo(f"Warning: {text}", err=True)
+    for text in () if quiet else notes(answer):
         click.echo(f"Note: {text}", err=True)
 
 

@@ -74,8 +74,8 @@ KINDS = ("scan", "grids", "landmarks", "database")
 Floats = NDArray[np.float64]
 
 
-def load_perception(path: str | Path, low: float = 0.5) -> tuple[Perceived, bytes]:
-    """Load a perception from a file, or from standard input for `-`; also gives the bytes.
+def load_perception(path: str | Path, low: float = 0.5) -> Perceived:
+    """Load a perception from a file, or from standard input for `-`.
 
     Args:
         low: probabilities of perception maps below it mean empty.
@@ -83,8 +83,7 @@ def load_perception(path: str | Path, low: float = 0.5) -> tuple[Perceived, byte
     Raises:
         FormatError: naming line and key.
     """
-    data = read_file(Path(path))
-    return read_perception(data, str(path), low), data
+    return read_perception(read_file(Path(path)), str(path), low)
 
 
 def read_perception(data: bytes, file: str, low: float = 0.5) -> Perceived:
