@@ -14,7 +14,7 @@ import time
 
 import numpy as np
 
-from mapcli.algorithms.candidates import Candidates, Window
+from mapcli.algorithms.candidates import Window
 from mapcli.algorithms.expected import Fan, expected_ranges
 from mapcli.algorithms.raycast import edges_of
 from mapcli.algorithms.similarity import SIMILARITIES

@@ -252,13 +252,17 @@ def landmark_plan(
         x, y = pixel(*point)
         label(image, x + 14, y - 14, str(k), 16, anchor="lm")
     for name, pose in robots.items():
-        x, y = pixel(pose.x, pose.y)
-        colour = BLUE if name == "best" else FAINT_INK
-        tip = x + 40 * math.cos(pose.theta), y - 40 * math.sin(pose.theta)
-        draw.line((x, y, *tip), fill=colour, width=3)
-        smooth_polygon(image, arrow_head(*tip, -pose.theta, 9), colour, WHITE, 0)
-        smooth_disc(image, x, y, 8, colour, WHITE, 1)
-        label(image, x, y + 22, name, 16)
+        _posed(image, *pixel(pose.x, pose.y), pose.theta, name)
     label(image, MARGIN, image.height - TITLE / 2, "grey: landmarks; red rings: as measured from "
           "the best pose", LETTERS, anchor="lm", fill=FAINT_INK)  # fmt: skip
     return png_bytes(image)
+
+
+def _posed(image: Image.Image, x: float, y: float, heading: float, name: str) -> None:
+    """A robot with its heading and name; the best one is blue."""
+    colour = BLUE if name == "best" else FAINT_INK
+    tip = x + 40 * math.cos(heading), y - 40 * math.sin(heading)
+    ImageDraw.Draw(image).line((x, y, *tip), fill=colour, width=3)
+    smooth_polygon(image, arrow_head(*tip, -heading, 9), colour, WHITE, 0)
+    smooth_disc(image, x, y, 8, colour, WHITE, 1)
+    label(image, x, y + 22, name, 16)
