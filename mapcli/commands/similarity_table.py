@@ -138,6 +138,8 @@ def command(
             _save(png, write_png(answer), no_clobber=no_clobber)
         if update:
             write_update(update, answer, no_clobber=no_clobber)
+    for name in outputs if verbose else ():
+        click.echo(f"written: {name}", err=True)
 
 
 @contextmanager
