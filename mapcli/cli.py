@@ -19,6 +19,8 @@ from mapcli.errors import MapcliError, QualityError
 COMMANDS = {
     "slam-replay": "Turn a robot log into a map and a pose trace (Algorithm 9.2).",
     "frontier": "Explore a map with Algorithm 9.1.",
+    "similarity-table": "Score the candidate poses of a perception (Table 9.1).",
+    "perceive": "Write what a robot perceives at a pose, or at a moment of a log.",
     "simulate": "Drive a simulated robot through a world and write its log.",
     "evaluate": "Say how far a pose trace is from the truth, or from itself.",
     "import": "Convert a log to MCAP with ROS 2 messages.",

@@ -276,35 +276,3 @@ def test_overlap_by_hand() -> None:
     known, agreement = kernels.overlap(log_odds, field, points, np.array([0.0, 2.0, 0.0]))
     assert known == 4
     assert agreement == pytest.approx((0 + 1 + 0.2 + 0.4) / 4)
-
-
-@pytest.mark.parametrize(
-    ("m", "p", "s"),
-    [
-        *((m, p, 1) for m, p in [(300, 1), (1, 1), (-300, -1), (-1, -1)]),
-        *((m, p, -1) for m, p in [(300, -1), (-1, 1)]),
-        *((m, p, 0) for m, p in [(0, 1), (0, -1)]),
-    ],
-)
-def test_the_three_cases_of_similarity(m: int, p: int, s: int) -> None:
-    """Sect. 9.5: 1 where both know and agree, -1 where they differ, 0 where one is unknown. Cells
-    that the perception map does not know are not in it."""
-    log_odds = np.zeros((3, 3), np.int16)
-    log_odds[1, 2] = m
-    cells, pose = np.array([[1.0, 0.0]]), np.array([1.5, 1.5, 0.0])
-    assert kernels.sum_of_products(log_odds, cells, np.array([p]), pose) == s
-
-
-@FEW
-@given(SEEDS, st.integers(0, 60))
-def test_sum_of_products_as_its_twin(seed: int, n: int) -> None:
-    rng = np.random.default_rng(seed)
-    log_odds = rng.integers(-3, 4, (40, 40)).astype(np.int16)
-    cells, values = rng.uniform(-12, 12, (n, 2)), rng.choice([-1, 1], n)
-    pose = np.array([20.3, 19.8, rng.uniform(-4, 4)])
-    expected = 0
-    for cell, p in zip(cells, values, strict=True):
-        u, v = (floor(x) for x in place(cell, pose))
-        m = int(log_odds[v, u])
-        expected += 0 if m == 0 else int(p) if m > 0 else -int(p)
-    assert kernels.sum_of_products(log_odds, cells, values, pose) == expected

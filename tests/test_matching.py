@@ -9,17 +9,19 @@ import pytest
 
 from mapcli.algorithms.dead_reckoning import OdometryModel, Spread
 from mapcli.algorithms.matching import (
-    BOOK_TURN,
+    FIFTEEN,
     Match,
     MatchParameters,
     best_of_fifteen,
     best_pose,
-    perception_cells,
     thinned,
 )
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.raycast import cast, edges_of
+from mapcli.algorithms.similarity import SIMILARITIES
+from mapcli.algorithms.similarity_table import scan_table
+from mapcli.model.perception import ScanPerception, Standpoint
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.scan import RangeScan
 from mapcli.model.world import World
@@ -286,8 +288,8 @@ def test_nothing_but_the_fifteen_is_tried() -> None:
         abs(round(d / 0.05, 6)) for d in (match.pose.x - tried.x, match.pose.y - tried.y)
     )
     assert steps in ([0, 0], [0, 1])
-    turn = match.pose.theta - tried.theta
-    assert min(abs(turn - t) for t in (0, -BOOK_TURN, BOOK_TURN)) < 1e-9
+    turn = math.degrees(match.pose.theta - tried.theta)
+    assert min(abs(turn - t) for t in (0, -15, 15)) < 1e-9
 
 
 def test_of_equals_the_intended_pose_wins() -> None:
@@ -299,55 +301,21 @@ def test_of_equals_the_intended_pose_wins() -> None:
     assert not match.found
 
 
-def test_a_sum_by_hand() -> None:
-    """Two open cells and a wall; the robot sees three open cells and a wall."""
-    grid = OccupancyGrid(MapParameters(resolution=1.0))
-    here = Pose2D(0.5, 0.5)
-    grid.integrate(here, seen([(2.4, 0.0)]))
-    # Where it is: two open cells agree, the third is a wall: 1. One cell to the left: the first
-    # cell is unknown, two open cells and the wall agree: 3. To the right: one open, one wall: 0.
-    match = best_of_fifteen(grid, seen([(3.4, 0.0)]), here)
-    assert_at(match, Pose2D(-0.5, 0.5), xy=1e-9, degrees=1e-9)
-    assert match.overlap == 1
-    assert match.score == 1
-
-
-# --- the perception map written out
-
-
-def test_one_beam_written_out() -> None:
-    cells, values = perception_cells(seen([(3.4, 0.0)]), 1.0)
-    assert cells.tolist() == [[3.4, 0], [0, 0], [1, 0], [2, 0]]
-    assert values.tolist() == [1, -1, -1, -1]
-    assert values.dtype == np.int64
-
-
-def test_open_beams_end_in_nothing() -> None:
-    cells, values = perception_cells(seen([], [(0.0, -2.4)], laser=(0.0, 0.5)), 1.0)
-    assert cells.tolist() == [[0, 0.5], [0, -0.5]]  # 2.9 long, and the last cell is not passed
-    assert values.tolist() == [-1, -1]
-
-
-def test_a_cell_is_an_obstacle_when_any_beam_ends_there() -> None:
-    # The first beam passes where the second ends.
-    cells, values = perception_cells(seen([(3.4, 0.0), (1.4, 0.1)]), 1.0)
-    squares = [tuple(square) for square in np.floor(cells).astype(int).tolist()]
-    where = dict(zip(squares, values.tolist(), strict=True))
-    assert where == {(3, 0): 1, (1, 0): 1, (0, 0): -1, (2, 0): -1}
-
-
-def test_every_cell_is_written_once() -> None:
-    cells, values = perception_cells(look(HERE), 0.25)
-    squares = {tuple(square) for square in np.floor(cells / 0.25).astype(int).tolist()}
-    assert len(squares) == len(cells) == len(values)
-    assert set(values.tolist()) == {-1, 1}
-
-
-@pytest.mark.parametrize("hits", [[], [(0.0, 0.0)], [(0.3, 0.0)]])
-def test_beams_of_no_length(hits: Points) -> None:
-    cells, values = perception_cells(seen(hits), 1.0)
-    assert cells.tolist() == [list(hit) for hit in hits]
-    assert values.tolist() == [1] * len(hits)
+def test_the_replay_scores_as_the_similarity_table() -> None:
+    """`slam-replay --search book` and `mapcli similarity-table` use the same code: on the same map
+    and scan the table's best pose is the replay's, whatever the similarity."""
+    grid, scan = mapped(resolution=0.2), look(HERE)
+    ends = scan.hits - scan.laser
+    beams = np.column_stack([np.arctan2(ends[:, 1], ends[:, 0]), np.hypot(*ends.T)])
+    for tried in (HERE, moved(HERE, 0.2, 0, -15), moved(HERE, 0.13, 0.08, 6)):
+        place = Standpoint(tried.theta, (tried.x, tried.y))
+        perception = ScanPerception(place, beams, 100.0, no_return="ignore", walls="ends")
+        for similarity in SIMILARITIES:
+            match = best_of_fifteen(grid, scan, tried, similarity)
+            table = scan_table(grid.to_grid_map(), perception, FIFTEEN, similarity)
+            best = table.winners()[0]
+            assert best.pose is not None
+            assert_at(match, best.pose, xy=1e-9, degrees=1e-9)
 
 
 def test_thinned_keeps_the_first_of_each_square() -> None:

@@ -56,6 +56,8 @@ def finish(
     closed = LoopCloser(track.keyframes, map_, loops).run(progress)
     poses = bend(track, closed.stretches, closed.anchors)
     poses = refine(track, poses, map_.resolution, refining)
+    start = track.poses[0].compose(poses[0].inverse())
+    poses = [track.poses[0], *(start.compose(pose) for pose in poses[1:])]
     grid = OccupancyGrid(map_)
     for keyframe in track.keyframes:
         grid.integrate(poses[keyframe.scan], keyframe.perception)

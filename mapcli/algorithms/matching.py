@@ -5,7 +5,7 @@ Three ways to search T:
 - `window`: every cell and every half degree of a window, by branch and bound, then Gauss-Newton
   for the last millimetres. The window follows what odometry can err by; where the scan does not
   fit the map anywhere in it, odometry is taken to have failed and a far wider one is searched.
-- `book`: the fifteen poses of Sect. 9.5 with S, the sum of products, as similarity.
+- `book`: the fifteen poses of Sect. 9.5 with S, the sum of products, or another `similarity`.
 - `none`: the odometry's pose as it is.
 
 The score of `window` is how well the ends of the beams fit the likelihood field, less a penalty
@@ -24,9 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels import matching as kernels
+from mapcli.algorithms.candidates import neighbours
 from mapcli.algorithms.dead_reckoning import Spread
 from mapcli.algorithms.occupancy import LEVEL_WIDTHS, OccupancyGrid
 from mapcli.algorithms.perception import Perception
+from mapcli.algorithms.perception_map import outline
+from mapcli.algorithms.similarity import SignMap, Similarity, better, of_counts
+from mapcli.algorithms.similarity_table import scan_counts
+from mapcli.model.perception import STEPS, TURNS_DEG
 from mapcli.model.pose import Pose2D
 
 Search = Literal["window", "book", "none"]
@@ -34,8 +39,8 @@ Search = Literal["window", "book", "none"]
 FARTHEST_REFINEMENT = 24.0
 """Cells that the refinement may move a point: less than `occupancy.MARGIN`."""
 
-BOOK_TURN = math.radians(15)
-"""To either side of the odometry heading, the turns of Sect. 9.5."""
+FIFTEEN = neighbours(STEPS, TURNS_DEG)
+"""The poses of Sect. 9.5."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,7 @@ class MatchParameters:
             odometry's error is added.
         step_xy: metres between test positions, rounded to whole cells; None is one cell.
         step_theta_deg: degrees between test headings.
+        similarity: how `book` compares; `window` always uses the likelihood field.
         prior: the most that leaving the odometry's pose costs, as a share of a perfect score.
         prior_knee: squared standard deviations that cost half of it.
         refine: go on from the best test position to the last millimetres.
@@ -66,6 +72,7 @@ class MatchParameters:
     window_theta_deg: float = 2.0
     step_xy: float | None = None
     step_theta_deg: float = 0.5
+    similarity: Similarity = "product"
     prior: float = 0.1
     prior_knee: float = 9.0
     refine: bool = True
@@ -113,7 +120,7 @@ def best_pose(
     `usual_score` is the agreement that scans of this log have lately had.
     """
     if parameters.search == "book":
-        return best_of_fifteen(grid, perception, predicted)
+        return best_of_fifteen(grid, perception, predicted, parameters.similarity)
     points = thinned(perception.hits, grid.parameters.resolution)
     if parameters.search == "none" or len(points) < parameters.fewest:
         return Match(predicted, 0.0, 0, found=False)
@@ -214,44 +221,39 @@ class _Window:
         return (fit.pose, fit.covariance()) if trusted else (near, None)
 
 
-def best_of_fifteen(grid: OccupancyGrid, perception: Perception, predicted: Pose2D) -> Match:
-    """The best of the fifteen poses of Sect. 9.5; the first of equals, the intended one first."""
+def best_of_fifteen(
+    grid: OccupancyGrid,
+    perception: Perception,
+    predicted: Pose2D,
+    similarity: Similarity = "product",
+) -> Match:
+    """The best of the fifteen poses of Sect. 9.5; the first of equals, the intended one first.
+
+    The table is that of `mapcli similarity-table` (see `similarity_table.scan_counts`).
+    """
     cell = grid.parameters.resolution
-    cells, values = perception_cells(perception, cell)
-    reach = 2 * cell + float(np.hypot(*cells.T).max(initial=0.0))
+    points = np.concatenate([perception.hits, perception.open_ends, perception.laser[None]])
+    reach = 3 * cell + float(np.hypot(*points.T).max())
     centre = np.array([predicted.x, predicted.y])
     grid.cover(centre - reach, centre + reach)
     start = grid.pose_to_cells(predicted)
-    tests = [
-        start + np.array([du, dv, turn])
-        for du, dv in ((0, 0), (0, 1), (0, -1), (-1, 0), (1, 0))
-        for turn in (0.0, -BOOK_TURN, BOOK_TURN)
-    ]
-    sums = [kernels.sum_of_products(grid.log_odds, cells / cell, values, test) for test in tests]
-    best = tests[int(np.argmax(sums))]
+    # Only the part of the map that can be reached is compared.
+    low = np.floor(start[:2] - reach / cell).astype(np.int64)
+    high = np.ceil(start[:2] + reach / cell).astype(np.int64)
+    part = np.sign(grid.log_odds[low[1] : high[1], low[0] : high[0]]).astype(np.int8)
+    counts = scan_counts(
+        SignMap(part),
+        outline(perception, cell, walls="ends"),
+        start - np.append(low, 0),
+        np.radians(FIFTEEN.turns_deg),
+        FIFTEEN.offsets,
+        compiled=True,
+    ).swapaxes(0, 1)
+    scores = better(similarity, of_counts(similarity, counts))
+    scores[counts.sum(axis=(2, 3)) == 0] = -np.inf
+    position, turn = np.unravel_index(int(np.argmax(scores)), scores.shape)
+    best = start + np.append(FIFTEEN.offsets[position], math.radians(FIFTEEN.turns_deg[turn]))
     overlap, agreement = kernels.overlap(
         grid.log_odds, grid.fields[0], perception.hits / cell, best
     )
     return Match(grid.pose_from_cells(best), agreement, overlap, found=overlap > 0)
-
-
-def perception_cells(
-    perception: Perception, cell: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """The perception map written out: centres of its cells and what they hold, -1 or +1.
-
-    Shapes (n, 2), metres in the robot's frame, and (n,). A beam is empty up to the cell before
-    the one it ends in; a cell that any beam ends in is an obstacle.
-    """
-    ends = np.concatenate([perception.hits, perception.open_ends])
-    rays = ends - perception.laser
-    lengths = np.hypot(rays[:, 0], rays[:, 1])
-    free = [np.empty((0, 2))]
-    for ray, length in zip(rays, lengths, strict=True):
-        steps = np.arange(0.0, length - cell, cell)[:, None]
-        free.append(perception.laser + ray / max(length, cell) * steps)
-    points = np.concatenate([perception.hits, *free])
-    values = np.full(len(points), -1, dtype=np.int64)
-    values[: len(perception.hits)] = 1
-    kept = kernels.thin(points, cell)
-    return points[kept], values[kept]

@@ -142,9 +142,8 @@ class OccupancyGrid:
 
     def holds(self, centre: Pose2D, radius: float) -> bool:
         """Whether the array holds a circle, metres, as `cover` would have it."""
-        scale, edge = self.parameters.resolution, MARGIN + len(self._bump) + 1
-        u, v, _ = self.pose_to_cells(centre).tolist()
-        reach = radius / scale
+        edge, reach = MARGIN + len(self._bump) + 1, radius / self.parameters.resolution
+        u, v, _ = (float(value) for value in self.pose_to_cells(centre))
         rows, columns = self.log_odds.shape
         return min(u, v) - reach >= edge and u + reach < columns - edge and v + reach < rows - edge
 

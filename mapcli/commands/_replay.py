@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator
 from dataclasses import asdict, replace
 from itertools import pairwise
 from typing import Any
@@ -29,14 +29,18 @@ class Replay:
         poses: what is known so far.
         finished: poses and map after the loops were closed; None if there was nothing to close.
         interrupted: the user stopped it with Ctrl-C.
+        kept: the scans that are to be saved, by number.
     """
 
-    def __init__(self, log: Log, log_input: LogInput, slam: Slam) -> None:
+    def __init__(
+        self, log: Log, log_input: LogInput, slam: Slam, keep: Container[int] = ()
+    ) -> None:
         self.log, self.log_input, self.slam = log, log_input, slam
         self.poses: list[TracedPose] = []
         self.finished: Finished | None = None
         self.interrupted = False
-        self._asked = 0
+        self.kept: dict[int, RangeScan] = {}
+        self._keep, self._asked = keep, 0
         self._started = time.perf_counter()
 
     def run(self, *, quiet: bool) -> None:
@@ -65,7 +69,10 @@ class Replay:
 
     def _counting(self, records: Iterable[Record]) -> Iterator[Record]:
         for record in records:
-            self._asked += isinstance(record, RangeScan)
+            if isinstance(record, RangeScan):
+                if self._asked in self._keep:
+                    self.kept[self._asked] = record
+                self._asked += 1
             yield record
 
     def trace(self) -> PoseTrace:

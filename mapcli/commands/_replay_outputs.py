@@ -60,8 +60,12 @@ def default_folder(log: str) -> str:
     return f"{name}-slam"
 
 
-def check_replay_outputs(outputs: ReplayOutputs, logs: Sequence[str], *, no_clobber: bool) -> None:
+def check_replay_outputs(
+    outputs: ReplayOutputs, logs: Sequence[str], others: Sequence[str] = (), *, no_clobber: bool
+) -> None:
     """Say early, before minutes of work, what is wrong with the files asked for.
+
+    `others` are files that are not of the outputs.
 
     Raises:
         click.UsageError: a suffix of no known format, or two results in one file.
@@ -71,7 +75,7 @@ def check_replay_outputs(outputs: ReplayOutputs, logs: Sequence[str], *, no_clob
         raise click.UsageError(f"--map {outputs.map}: does not end in {', '.join(SUFFIXES)}.")
     if outputs.trace not in (None, "-") and _suffix(outputs.trace) not in WRITERS:
         raise click.UsageError(f"--trace {outputs.trace}: does not end in {', '.join(WRITERS)}.")
-    check_outputs(outputs.names(), logs, "logs", no_clobber=no_clobber)
+    check_outputs([*outputs.names(), *others], logs, "logs", no_clobber=no_clobber)
 
 
 def _suffix(name: str | None) -> str:

@@ -13,6 +13,7 @@ from mapcli.algorithms.loops import LoopParameters
 from mapcli.algorithms.matching import MatchParameters
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import PerceptionParameters
+from mapcli.algorithms.similarity import SIMILARITIES
 from mapcli.algorithms.slam import Slam, SlamParameters
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._options import (
@@ -34,6 +35,7 @@ from mapcli.commands._replay_outputs import (
     report,
     write_outputs,
 )
+from mapcli.commands._replay_perceptions import perception_files, write_perceptions
 from mapcli.errors import DataError
 from mapcli.formats.maps import load_map
 from mapcli.model.pose import Pose2D
@@ -70,6 +72,9 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 @_option("--search", MATCH.search, "Where to look for each scan's pose: in a window around the "
          "odometry's, at the book's fifteen poses, or nowhere (believe the odometry).",
          type=click.Choice(("window", "book", "none")))  # fmt: skip
+@click.option("--similarity", type=click.Choice(SIMILARITIES), help="How --search book compares; "
+              "`window` always uses the likelihood field.  "
+              f"[default: {MATCH.similarity}]")  # fmt: skip
 @_option("--window-xy", MATCH.window_xy, "Least half-width of the window, metres; it grows with "
          "the odometry's likely error.", type=NOT_NEGATIVE)  # fmt: skip
 @_option("--window-theta-deg", MATCH.window_theta_deg, "The same for the heading, degrees.",
@@ -85,20 +90,24 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
          "right the whole way round; without, the plain Algorithm 9.2.")  # fmt: skip
 @click.option("--known", metavar="MAP", type=FILE, help="A map to go on from, instead of an empty "
               "one; no loops are closed then.")  # fmt: skip
-@click.option("--initial-pose", metavar="X,Y,THETA_DEG", type=PoseType("X,Y,THETA_DEG"),
-              help="Where the robot starts.  [default: 0,0,0; in a known map it is searched for]")  # fmt: skip
+@click.option("--initial-pose", type=PoseType("X,Y,THETA_DEG"), help="Where the robot starts.  "
+              "[default: 0,0,0; in a known map it is searched for]")  # fmt: skip
 @click.option("--localize", is_flag=True, help="Find the poses in the known map, and leave it as "
               "it is.")  # fmt: skip
 @click.option("--fail-if", "limits", type=LimitType(), multiple=True,
               help="Exit with 3 when this holds for the summary, e.g. used_share<0.95. "
               "Repeatable.")  # fmt: skip
+@click.option("--save-perception", "saved", metavar="N", type=click.IntRange(0), multiple=True,
+              help="Write scan N (from 0) with its estimated pose into the folder, as "
+              "perception-N.yaml for `mapcli similarity-table`. Repeatable.")  # fmt: skip
 @no_clobber_option
 @common_options
 def command(
     logs: tuple[str, ...], folder: str | None, png: str | None, map_: str | None,
     json: str | None, trace: str | None, mcap: str | None, log_input: LogInput,
     loop_closing: bool, known: str | None, initial_pose: Pose2D | None, localize: bool,
-    limits: tuple[Limit, ...], no_clobber: bool, quiet: bool, verbose: bool, **model: Any,
+    limits: tuple[Limit, ...], saved: tuple[int, ...], no_clobber: bool, quiet: bool,
+    verbose: bool, **model: Any,
 ) -> None:  # fmt: skip
     """Turn a robot log into a map and a pose trace (Algorithm 9.2).
 
@@ -119,16 +128,21 @@ def command(
         outputs = ReplayOutputs(**{**usual, **named})
     if localize and not known:
         raise click.UsageError("--localize needs --known, the map to find the poses in.")
+    files = perception_files(folder or default_folder(logs[0]), saved)
     inputs = [*logs, known] if known else logs
-    check_replay_outputs(outputs, inputs, no_clobber=no_clobber)
+    check_replay_outputs(outputs, inputs, list(files.values()), no_clobber=no_clobber)
     parameters = slam_parameters(loops=loop_closing and not known, frozen=localize, **model)
     slam = Slam(parameters, initial_pose, known_map(known, parameters) if known else None)
-    replay = Replay(log_input.open(logs), log_input, slam)
+    replay = Replay(log_input.open(logs), log_input, slam, files)
     replay.run(quiet=quiet)
     summary, grid = replay.summary(), replay.grid()
     head = {"inputs": replay.log.digests(), "parameters": replay.effective_parameters()}
     write_outputs(outputs, grid, replay.trace(), head, summary, no_clobber=no_clobber)
+    write_perceptions(files, replay.kept, replay.trace(), parameters.perception, replay.log.name,
+                      no_clobber=no_clobber)  # fmt: skip
     if not quiet:
+        if model["similarity"] and parameters.match.search != "book":
+            click.echo("Note: --similarity is for --search book and changes nothing.", err=True)
         say_notes(replay.log, verbose=verbose)
         report(summary, grid, outputs)
     if replay.interrupted:
@@ -144,6 +158,7 @@ def slam_parameters(
     range_max: float | None,
     no_return: Any,
     search: Any,
+    similarity: Any,
     window_xy: float,
     window_theta_deg: float,
     step_xy: float | None,
@@ -168,6 +183,7 @@ def slam_parameters(
         match=replace(
             MATCH,
             search=search,
+            similarity=similarity or MATCH.similarity,
             window_xy=window_xy,
             window_theta_deg=window_theta_deg,
             step_xy=step_xy,

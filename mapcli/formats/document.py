@@ -47,8 +47,8 @@ def json_bytes(content: Any) -> bytes:
 
 
 def _value(value: Any) -> str:
-    """A list of objects, such as poses, with a line for each; anything else indented."""
-    if value and isinstance(value, list) and all(isinstance(item, dict) for item in value):
+    """A list of objects or rows, such as poses, with a line for each; anything else indented."""
+    if value and isinstance(value, list) and all(isinstance(item, dict | list) for item in value):
         return "[\n" + ",\n".join(f"  {_dumps(item)}" for item in value) + "\n ]"
     return _indented(value).replace("\n", "\n ")
 

@@ -73,16 +73,16 @@ class Document:
         return str(node.value)
 
     def number(self, key: str, expected: str) -> float:
-        value = _number(self.require(key, expected))
+        value = number_of(self.require(key, expected))
         if value is None or not math.isfinite(value):
-            raise self.error(key, f"{_shown(self.nodes[key])} is not a number", expected)
+            raise self.error(key, f"{shown(self.nodes[key])} is not a number", expected)
         return value
 
     def numbers(self, key: str, count: int, expected: str) -> list[float]:
         node = self.require(key, expected)
-        values = [_number(n) for n in node.value] if isinstance(node, yaml.SequenceNode) else []
+        values = [number_of(n) for n in node.value] if isinstance(node, yaml.SequenceNode) else []
         if len(values) != count or None in values:
-            raise self.error(key, f"{_shown(node)}", expected)
+            raise self.error(key, f"{shown(node)}", expected)
         return [value for value in values if value is not None]
 
 
@@ -100,7 +100,7 @@ def _refuse_deep_nesting(data: bytes, file: str) -> None:
             )
 
 
-def _number(node: yaml.Node) -> float | None:
+def number_of(node: yaml.Node) -> float | None:
     """The number a scalar spells, nan and inf included; YAML's own typing would miss 1e-3."""
     text = str(node.value).strip() if isinstance(node, yaml.ScalarNode) else ""
     if NUMBER.fullmatch(text):
@@ -109,7 +109,7 @@ def _number(node: yaml.Node) -> float | None:
     return float(odd[1] + odd[2]) if odd else None
 
 
-def _shown(node: yaml.Node) -> str:
+def shown(node: yaml.Node) -> str:
     if isinstance(node, yaml.ScalarNode):
         return repr(node.value[:40])
     count = len(node.value) if isinstance(node.value, Sequence) else 0

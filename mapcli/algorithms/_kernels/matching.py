@@ -249,27 +249,3 @@ def overlap(
             known += 1
             agreement += field[v, u] / FULL
     return known, agreement / max(known, 1)
-
-
-@njit(cache=True)
-def sum_of_products(
-    log_odds: NDArray[np.int16],
-    cells: NDArray[np.float64],
-    values: NDArray[np.int64],
-    pose: NDArray[np.float64],
-) -> int:
-    """S of Sect. 9.5: the sum of m(i, j) p(i, j) over the cells of a perception map.
-
-    Args:
-        log_odds: the current map; its sign is m: -1 empty, +1 obstacle, 0 unknown.
-        cells: shape (n, 2), centres of the perception map's cells in the robot's frame.
-        values: shape (n,), p: -1 empty, +1 obstacle.
-        pose: (u, v, theta) of the robot.
-    """
-    c, s = cos(pose[2]), sin(pose[2])
-    score = 0
-    for k in range(len(cells)):
-        u = floor(pose[0] + c * cells[k, 0] - s * cells[k, 1])
-        v = floor(pose[1] + s * cells[k, 0] + c * cells[k, 1])
-        score += values[k] * np.sign(log_odds[v, u])
-    return score

@@ -1,0 +1,211 @@
+"""`mapcli perceive`: what a robot perceives at a pose of a map, or did at a moment of a log."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mapcli.algorithms.candidates import neighbours
+from mapcli.algorithms.expected import Fan, landmark_database, scan_database
+from mapcli.commands._log_options import LogInput, log_input_options, say_notes
+from mapcli.commands._map_options import dialect_option
+from mapcli.commands._options import (
+    CELL,
+    FILE,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Number,
+    PoseType,
+    common_options,
+    no_clobber_option,
+)
+from mapcli.commands._output import check_outputs, write_bytes
+from mapcli.errors import DataError
+from mapcli.formats.perception_output import SUFFIXES, Writable, dump_perception
+from mapcli.model.grid import GridMap
+from mapcli.model.perception import (
+    STEPS,
+    TURNS_DEG,
+    LandmarkPerception,
+    PerceptionDatabase,
+    ScanPerception,
+    Standpoint,
+)
+from mapcli.model.pose import Pose2D
+from mapcli.model.world import World
+
+FAN = Fan()
+
+
+class Numbers(click.ParamType[Any]):
+    """Numbers separated by commas."""
+
+    name = "N,..."
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        if isinstance(value, tuple):
+            return value
+        try:
+            numbers = tuple(float(part) for part in str(value).split(","))
+        except ValueError:
+            numbers = ()
+        if not numbers or len(set(numbers)) < len(numbers) or not all(map(math.isfinite, numbers)):
+            self.fail(f"{value!r} is not a list of numbers, each once.", param, ctx)
+        return numbers
+
+
+def _text(numbers: tuple[float, ...]) -> str:
+    return ",".join(f"{number:g}" for number in numbers)
+
+
+@click.command(short_help="Write what a robot perceives at a pose, or at a moment of a log.")
+@click.argument("source", metavar="MAP_OR_LOG", type=FILE)
+@click.argument("out", metavar="OUT", type=FILE)
+@click.option("--pose", type=PoseType("X,Y,THETA_DEG"), help="The intended pose in a map.")
+@click.option("--cell", type=CELL, help="The middle of this cell instead, with --heading-deg.")
+@click.option("--heading-deg", type=Number(-360, 360), default=0.0, show_default=True,
+              help="The heading in --cell; 0 is right, 90 up.")  # fmt: skip
+@click.option("--at", type=NOT_NEGATIVE, metavar="SECONDS", help="Of a log: cut out the scan at "
+              "this time after its start.")  # fmt: skip
+@click.option("--steps", type=Numbers(), default=_text(STEPS), show_default=True,
+              help="How far the neighbouring candidates are, in cells (units without cells); 0 "
+              "for none.")  # fmt: skip
+@click.option("--turns-deg", type=Numbers(), default=_text(TURNS_DEG), show_default=True,
+              help="Headings of the candidates against the intended one.")  # fmt: skip
+@click.option("--alone", is_flag=True, help="Write one perception, the one at the pose itself, "
+              "instead of a database.")  # fmt: skip
+@click.option("--beams", type=click.IntRange(1, 100_000), default=FAN.beams, show_default=True,
+              help="Of the sensor that looks at a grid map or polygons.")  # fmt: skip
+@click.option("--fov-deg", type=Number(0, 360, min_open=True), default=FAN.fov_deg,
+              show_default=True, help="Degrees that they cover, centred ahead.")  # fmt: skip
+@click.option("--range-max", type=POSITIVE, default=FAN.range_max, show_default=True,
+              help="How far it sees, in the map's unit.")  # fmt: skip
+@dialect_option
+@log_input_options
+@no_clobber_option
+@common_options
+def command(
+    source: str, out: str, pose: Pose2D | None, cell: tuple[int, int] | None,
+    heading_deg: float, at: float | None, steps: tuple[float, ...], turns_deg: tuple[float, ...],
+    alone: bool, beams: int, fov_deg: float, range_max: float, dialect: Any,
+    log_input: LogInput, no_clobber: bool, quiet: bool, verbose: bool,
+) -> None:  # fmt: skip
+    """Write what a robot expects to perceive at a pose of a map and at the candidate poses around
+    it (the database of Activity 9.5), or what it did perceive at a moment of a log.
+
+    In a grid map or among polygons, that is a scan: the ranges along the beams. In a points map,
+    it is the distance and bearing of each point. OUT ends in .yaml or .json; - is YAML on standard
+    output. `mapcli similarity-table` reads it.
+
+    \b
+    Examples:
+      mapcli perceive fixtures/corner.txt --cell 4,6 --heading-deg 90 database.yaml
+      mapcli perceive fixtures/landmarks-map.yaml --pose 0,1,-15 --alone measured.yaml
+      mapcli perceive fixtures/apartment.mcap --at 30 scan.yaml
+    """
+    chosen = [value for value in (pose, cell, at) if value is not None]
+    if len(chosen) != 1:
+        raise click.UsageError("Say --pose X,Y,THETA_DEG or --cell ROW,COL of a map, or --at "
+                               "SECONDS of a log: one of them.")  # fmt: skip
+    if out != "-" and Path(out).suffix.lower() not in SUFFIXES:
+        raise click.UsageError(f"{out}: does not end in {', '.join(SUFFIXES)}.")
+    if min(steps) < 0:
+        raise click.UsageError("--steps are lengths, so they are not negative.")
+    check_outputs([out], [source], "inputs", no_clobber=no_clobber)
+    if at is not None:
+        data, said = _from_log(source, at, log_input, out, quiet=quiet, verbose=verbose)
+    else:
+        place = Standpoint(pose.theta, (pose.x, pose.y)) if pose else Standpoint(
+            math.radians(heading_deg), cell=cell)  # fmt: skip
+        try:
+            fan = Fan(beams, fov_deg, range_max)
+            perception = _from_map(source, place, (steps, turns_deg), fan, dialect, quiet=quiet)
+        except DataError as error:
+            error.file = error.file or source
+            raise
+        data, said = _written(perception, place, (steps, turns_deg), out, alone=alone)
+    if out != "-":
+        Path(out).parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(out, data, no_clobber=no_clobber)
+    if not quiet:
+        click.echo(said, err=True)
+
+
+def _from_map(
+    source: str, place: Standpoint, around: tuple[tuple[float, ...], tuple[float, ...]], fan: Fan,
+    dialect: Any, *, quiet: bool,
+) -> PerceptionDatabase:  # fmt: skip
+    world = _world(source, dialect, quiet=quiet)
+    intended = place.pose(world if isinstance(world, GridMap) else None)
+    # The intended heading is always there, whatever the turns.
+    steps, turns = around[0], tuple(dict.fromkeys((0.0, *around[1])))
+    candidates = neighbours(steps, turns)
+    if isinstance(world, World) and len(world.points):
+        return landmark_database(world, intended, candidates)
+    return scan_database(world, intended, candidates, fan)
+
+
+def _world(source: str, dialect: Any, *, quiet: bool) -> World | GridMap:
+    from mapcli.formats.maps import load_map
+    from mapcli.formats.world import load_world
+
+    loaded = load_world(source)
+    if isinstance(loaded.world, World) or source == "-" or dialect == "nav2":
+        world, warnings = loaded.world, loaded.warnings
+    else:
+        again = load_map(source, dialect=dialect)
+        world, warnings = again.grid, again.warnings
+    for warning in () if quiet else warnings:
+        click.echo(f"Warning: {source}: {warning}", err=True)
+    return world
+
+
+def _written(
+    database: PerceptionDatabase, place: Standpoint,
+    around: tuple[tuple[float, ...], tuple[float, ...]], out: str, *, alone: bool,
+) -> tuple[bytes, str]:  # fmt: skip
+    """The file's bytes, and what to say about it."""
+    content: Writable = database
+    said = f"{len(database.expectations)} poses, {database.of}"
+    if alone:
+        readings = database.expectations[0].readings
+        content = (
+            LandmarkPerception(place, readings, *around)
+            if database.of == "landmarks"
+            else ScanPerception(place, readings, database.range_max, steps=around[0],
+                                turns_deg=around[1])
+        )  # fmt: skip
+        said = f"1 pose, {database.of}"
+    return dump_perception(content, out), said
+
+
+def _from_log(
+    source: str, at: float, log_input: LogInput, out: str, *, quiet: bool, verbose: bool
+) -> tuple[bytes, str]:
+    """The scan at a time of a log, and what to say about it; errors name the log.
+
+    Raises:
+        DataError: there is no such scan.
+    """
+    from mapcli.algorithms.cut import noting_start, scan_at, scan_perception
+    from mapcli.model.log import select
+
+    log = log_input.open([source])
+    start_ns: list[int] = []
+    records = noting_start(log.records(), start_ns)
+    chosen = select(records, log_input.start_s, log_input.end_s, log_input.every)
+    try:
+        cut = scan_at(chosen, start_ns, at)
+        perception = scan_perception(cut.scan, cut.pose())
+    except DataError as error:
+        error.file = error.file or log.name
+        raise
+    if not quiet:
+        say_notes(log, verbose=verbose)
+    said = f"scan {cut.number} at {cut.seconds:.2f} s, {len(perception.beams)} beams"
+    if cut.odom is None:
+        said += "; the log has no odometry there, so its pose is 0, 0, 0"
+    return dump_perception(perception, out, cut.odom), said

@@ -1,0 +1,213 @@
+"""`mapcli similarity-table`: score the candidate poses of a perception (Sect. 9.5 and 9.6)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mapcli.algorithms.candidates import Window
+from mapcli.algorithms.similarity import SIMILARITIES
+from mapcli.algorithms.similarity_table import LOW
+from mapcli.commands._map_options import dialect_option
+from mapcli.commands._options import (
+    FILE,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Number,
+    NumberList,
+    common_options,
+    no_clobber_option,
+)
+from mapcli.commands._output import check_outputs, write_bytes
+from mapcli.commands._similarity_inputs import (
+    LandmarksOnMap,
+    Loaded,
+    ReadingsInDatabase,
+    ScanOnMap,
+    Settings,
+    load_comparison,
+)
+from mapcli.commands._similarity_outputs import Answer, window_answer, write_png, write_update
+from mapcli.commands._similarity_report import notes, report_lines
+from mapcli.errors import DataError
+from mapcli.formats.map_output import SUFFIXES
+from mapcli.model.similarity import SimilarityTable
+
+FORMATS = ("table", "json", "csv", "markdown")
+
+SIGHTING = NumberList("D,BEARING_DEG")
+
+USUAL_WINDOW = Window(0.0, 15.0)
+
+
+@click.command(short_help="Score the candidate poses of a perception (Table 9.1).")
+@click.argument("files", metavar="MAP PERCEPTION", type=FILE, nargs=-1, required=True)
+@click.option("--similarity", type=click.Choice(SIMILARITIES), help="How to compare; of l1 and l2 "
+              "lower is better.  [default: product; l1 for landmarks and with "
+              "--database]")  # fmt: skip
+@click.option("--low", type=Number(0, 1, min_open=True), default=LOW, show_default=True,
+              help="A known cell below this counts as empty.")  # fmt: skip
+@click.option("--bearing-weight", type=NOT_NEGATIVE, default=1.0, show_default=True,
+              help="What a radian of bearing counts against a unit of distance.")  # fmt: skip
+@click.option("--database", metavar="F", type=FILE, help="Score against these perceptions, as "
+              "`mapcli perceive` writes them, instead of a MAP.")  # fmt: skip
+@click.option("--locate", "sightings", type=SIGHTING, multiple=True, help="Also say which point an "
+              "obstacle at this distance and bearing is. Repeatable.")  # fmt: skip
+@click.option("--window-xy", type=NOT_NEGATIVE, help="Score a whole window of this half-width, in "
+              "the map's unit.  [default: the perception's candidates]")  # fmt: skip
+@click.option("--window-theta-deg", type=Number(0, 180), help="Its half-width in degrees.  "
+              "[default: 15 with --window-xy]")  # fmt: skip
+@click.option("--step-xy", type=POSITIVE, help="Between the window's positions; whole cells.  "
+              "[default: a cell]")  # fmt: skip
+@click.option("--step-theta-deg", type=Number(0.01, 90), default=USUAL_WINDOW.step_theta_deg,
+              show_default=True, help="Between its headings.")  # fmt: skip
+@click.option("--format", "form", type=click.Choice(FORMATS), default=FORMATS[0],
+              show_default=True, help="What is printed.")  # fmt: skip
+@click.option("--json", metavar="F", type=FILE, help="The table as JSON; - is standard output, "
+              "here as everywhere.")  # fmt: skip
+@click.option("--png", metavar="F", type=FILE, help="A picture: the map, the best perception and "
+              "their product; of a window, the scores.")  # fmt: skip
+@click.option("--update", metavar="F", type=FILE, help="The map with the best perception written "
+              "into it; a points map gets the points of --locate.")  # fmt: skip
+@dialect_option
+@no_clobber_option
+@common_options
+def command(
+    files: tuple[str, ...], similarity: Any, low: float, bearing_weight: float,
+    database: str | None, sightings: tuple[Any, ...], window_xy: float | None,
+    window_theta_deg: float | None, step_xy: float | None, step_theta_deg: float, form: str,
+    json: str | None, png: str | None, update: str | None, dialect: Any, no_clobber: bool,
+    quiet: bool, verbose: bool,
+) -> None:  # fmt: skip
+    """Score every candidate pose of PERCEPTION against MAP and name the best.
+
+    PERCEPTION is YAML or JSON: a scan (ranges along beams), landmarks (distances and bearings to
+    the points of a points map), or perception maps written out as in Fig. 9.20. Scans and
+    perception maps need a grid MAP of any format. Without a window, the candidates are the book's
+    fifteen: the intended cell and its four neighbours, each at three headings.
+
+    \b
+      kind: scan
+      pose: {cell: [4, 6], heading_deg: 90}      # or {x: 6.5, y: 3.5, theta_deg: 90}
+      range_max: 5
+      beams: [[-15, 3.2], [0, null], [15, 3.6]]  # bearing in degrees, range in the map's unit
+
+    \b
+      kind: landmarks
+      pose: {x: 0, y: 0, theta_deg: 0}
+      measured: [[2.0, 32.0], [2.6, -20.0]]      # distance and bearing, in the order of the points
+
+    \b
+      kind: grids                                # -1 empty, 1 obstacle, 0 or ? unknown
+      corner: [0, 0]                             # where they lie, if smaller than the map
+      candidates: [{position: intended, turn_deg: 0, rows: ["1 1 ?", "-1 -1 1"]}]
+
+    Scans and landmarks may have `steps: 1` and `turns_deg: [0, -15, 15]`.
+
+    \b
+    Examples:
+      mapcli similarity-table fixtures/corner.txt fixtures/corner-scan.yaml --png corner.png
+      mapcli similarity-table fixtures/landmarks-map.yaml fixtures/landmarks.yaml \\
+          --locate 3.162,-3.435
+      mapcli similarity-table map.yaml scan.yaml --window-xy 1 --window-theta-deg 10 --png heat.png
+      mapcli similarity-table --database database.yaml measured.yaml
+    """
+    window = _window(window_xy, window_theta_deg, step_xy, step_theta_deg)
+    outputs = [name for name in (json, png, update) if name]
+    if form != "table" and "-" in outputs:
+        raise click.UsageError("Two results cannot both be written to standard output.")
+    check_outputs(outputs, [*files, *filter(None, [database])], "inputs", no_clobber=no_clobber)
+    loaded = load_comparison(files, database, dialect, low)
+    _check(loaded, window, png, update, sightings)
+    readings = isinstance(loaded.comparison, LandmarksOnMap | ReadingsInDatabase)
+    settings = Settings(similarity or ("l1" if readings else "product"), low, bearing_weight)
+    with _naming(loaded.perception):
+        table = loaded.comparison.table(settings, window)
+        _must_overlap(table)
+        answer = Answer(loaded, settings, table, sightings)
+        if window is not None:
+            answer = window_answer(answer, window)
+        _print(answer, form, quiet=quiet, to_stderr="-" in outputs)
+        if json:
+            _save(json, answer.json(), no_clobber=no_clobber)
+        if png:
+            _save(png, write_png(answer), no_clobber=no_clobber)
+        if update:
+            write_update(update, answer, no_clobber=no_clobber)
+    for name in outputs if verbose else ():
+        click.echo(f"written: {name}", err=True)
+
+
+@contextmanager
+def _naming(perception: str) -> Iterator[None]:
+    """Errors about the data name the perception's file."""
+    try:
+        yield
+    except DataError as error:
+        error.file = error.file or perception
+        raise
+
+
+def _print(answer: Answer, form: str, *, quiet: bool, to_stderr: bool) -> None:
+    """The table in the form asked for, and what to know about it."""
+    if form != "table":
+        click.echo(answer.text(form), nl=False)
+    elif not quiet:
+        click.echo("\n".join(report_lines(answer)), err=to_stderr)
+    for text in () if quiet else answer.loaded.warnings:
+        click.echo(f"Warning: {text}", err=True)
+    for text in () if quiet else notes(answer):
+        click.echo(f"Note: {text}", err=True)
+
+
+def _save(name: str, data: bytes, *, no_clobber: bool) -> None:
+    if name != "-":
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(name, data, no_clobber=no_clobber)
+
+
+def _window(
+    xy: float | None, theta_deg: float | None, step_xy: float | None, step_theta_deg: float
+) -> Window | None:
+    if xy is None and theta_deg is None:
+        return None
+    turn = USUAL_WINDOW.theta_deg if theta_deg is None else theta_deg
+    return Window(xy or 0.0, turn, step_xy, step_theta_deg)
+
+
+def _check(
+    loaded: Loaded, window: Window | None, png: str | None, update: str | None,
+    sightings: tuple[Any, ...],
+) -> None:  # fmt: skip
+    """Say what does not go together.
+
+    Raises:
+        click.UsageError: such options.
+    """
+    comparison = loaded.comparison
+    if window is not None and not isinstance(comparison, ScanOnMap | LandmarksOnMap):
+        raise click.UsageError("A window needs a scan or landmarks, and a map to move them on.")
+    if isinstance(comparison, ReadingsInDatabase) and (png or update):
+        option = "--png" if png else "--update"
+        raise click.UsageError(f"{option} needs a MAP, which --database has not.")
+    if isinstance(comparison, LandmarksOnMap) and update and not sightings:
+        raise click.UsageError("--update of a points map needs --locate to say what to add.")
+    if (
+        update not in (None, "-")
+        and not isinstance(comparison, LandmarksOnMap)
+        and Path(str(update)).suffix.lower() not in SUFFIXES
+    ):
+        raise click.UsageError(f"--update {update}: does not end in {', '.join(SUFFIXES)}.")
+
+
+def _must_overlap(table: SimilarityTable) -> None:
+    if not (table.overlap > 0).any():
+        raise DataError(
+            "does not overlap what the map knows at any candidate pose, so nothing can be "
+            "concluded",
+            expected="a pose from which the sensor sees known cells, or landmarks that were seen",
+        )

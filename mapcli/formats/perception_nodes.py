@@ -1,0 +1,125 @@
+"""The parts of perception files: numbers, poses, lists; errors name key and line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import yaml
+
+from mapcli.formats.yaml_document import Document, number_of, shown
+from mapcli.model.perception import STEPS, TURNS_DEG, Standpoint
+from mapcli.model.pose import Pose2D
+
+LARGEST = 1e9
+"""Nothing that a robot measures is larger; a number beyond is damage."""
+
+POSE = "{cell: [row, column], heading_deg: 90} or {x: 0, y: 0, theta_deg: 90}"
+HEADINGS = ("heading_deg", "theta_deg", "theta")
+
+
+def mapping(document: Document, key: str, node: yaml.Node) -> Document:
+    """A mapping inside a document."""
+    if not isinstance(node, yaml.MappingNode):
+        raise document.error(key, f"{shown(node)} is not a mapping", "{key: value, ...}", node)
+    return Document(node, document.file)
+
+
+def list_of(document: Document, key: str, expected: str) -> list[yaml.Node]:
+    """The items of a list under a key."""
+    node = document.require(key, expected)
+    if not isinstance(node, yaml.SequenceNode):
+        raise document.error(key, f"{shown(node)} is not a list", expected, node)
+    return list(node.value)
+
+
+def number(document: Document, key: str, node: yaml.Node, expected: str) -> float:
+    """A finite number."""
+    value = number_of(node)
+    if value is None or not abs(value) <= LARGEST:
+        raise document.error(key, f"{shown(node)} is not a number", expected, node)
+    return value
+
+
+def numbers(
+    document: Document,
+    key: str,
+    node: yaml.Node,
+    count: int | None,
+    expected: str,
+    *,
+    null: float | None = None,
+) -> list[float]:
+    """A list of `count` finite numbers (any count for None); `null` stands for a null, if given."""
+    if not isinstance(node, yaml.SequenceNode) or count not in (None, len(node.value)):
+        raise document.error(key, shown(node), expected, node)
+    values = []
+    for item in node.value:
+        empty = isinstance(item, yaml.ScalarNode) and item.value in ("null", "~", "")
+        if empty and null is not None:
+            values.append(null)
+        else:
+            values.append(number(document, key, item, expected))
+    return values
+
+
+def choice(document: Document, key: str, names: Sequence[str]) -> str:
+    """One of some words."""
+    expected = f"{', '.join(names[:-1])} or {names[-1]}"
+    text = document.text(key, expected)
+    if text not in names:
+        raise document.error(key, repr(text[:40]), expected)
+    return text
+
+
+def steps_and_turns(document: Document) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """The candidates of a scan or of landmarks."""
+    steps, turns = STEPS, TURNS_DEG
+    if "steps" in document.nodes:
+        steps = _one_or_more(document, "steps", "a length of more than 0, or 0 for no neighbours")
+    if "turns_deg" in document.nodes:
+        turns = _one_or_more(document, "turns_deg", "degrees, each once")
+    if min(steps) < 0:
+        raise document.error("steps", f"{min(steps):g}", "a length that is not negative")
+    return steps, turns
+
+
+def _one_or_more(document: Document, key: str, expected: str) -> tuple[float, ...]:
+    node = document.nodes[key]
+    if isinstance(node, yaml.ScalarNode):
+        return (number(document, key, node, expected),)
+    values = numbers(document, key, node, None, expected)
+    if not values or len(set(values)) != len(values):
+        raise document.error(key, "empty" if not values else "a number given twice", expected)
+    return tuple(values)
+
+
+def standpoint(document: Document) -> Standpoint:
+    """The intended pose."""
+    inner = mapping(document, "pose", document.require("pose", POSE))
+    theta = _heading(inner)
+    if "cell" not in inner.nodes:
+        return Standpoint(theta, _xy(inner))
+    row, column = numbers(inner, "cell", inner.nodes["cell"], 2, "[row, column]")
+    if not (row.is_integer() and column.is_integer()):
+        raise inner.error("cell", f"[{row:g}, {column:g}]", "[row, column], two whole numbers")
+    return Standpoint(theta, cell=(int(row), int(column)))
+
+
+def pose_of(inner: Document) -> Pose2D:
+    """A pose in metres and an angle."""
+    return Pose2D(*_xy(inner), _heading(inner))
+
+
+def _xy(inner: Document) -> tuple[float, float]:
+    x, y = (number(inner, key, inner.require(key, POSE), "a number") for key in ("x", "y"))
+    return x, y
+
+
+def _heading(inner: Document) -> float:
+    given = [key for key in HEADINGS if key in inner.nodes]
+    if len(given) != 1:
+        problem = "heading is missing" if not given else f"{given[0]} and {given[1]} are both given"
+        raise inner.error(given[0] if given else "pose", problem, POSE)
+    value = number(inner, given[0], inner.nodes[given[0]], "a number")
+    return value if given[0] == "theta" else math.radians(value)

@@ -1,0 +1,98 @@
+"""The similarity table (Table 9.1): candidate poses with their scores, and the best of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.model.pose import Pose2D
+
+INTENDED = "intended"
+"""The name of the position where the robot should be."""
+
+EQUAL = 1e-9
+"""Scores that differ by less are equal."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scored:
+    """One candidate and its score.
+
+    Attributes:
+        position: its name; turn_deg: degrees counter-clockwise of the intended heading.
+        pose: in the frame of the map, when it is known.
+        score, overlap: as in the table.
+        place: row and column of the table.
+    """
+
+    position: str
+    turn_deg: float
+    pose: Pose2D | None
+    score: float
+    overlap: int
+    place: tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class SimilarityTable:
+    """Scores of candidate poses.
+
+    Attributes:
+        similarity: the function's name; lower: whether lower scores are better.
+        rows: names of the positions, the intended one first if it is there.
+        columns: turns in degrees, counter-clockwise of the intended heading.
+        values: shape (rows, columns); NaN where there is no score.
+        overlap: shape (rows, columns), what was compared there: cells or readings.
+        missing: places of the table for which no candidate was given.
+        pose_at: the pose of a row and column, None where it is not known. (A window has many.)
+    """
+
+    similarity: str
+    lower: bool
+    rows: tuple[str, ...]
+    columns: tuple[float, ...]
+    values: NDArray[np.float64]
+    overlap: NDArray[np.int64]
+    pose_at: Callable[[int, int], Pose2D | None]
+    missing: int = 0
+
+    def __getitem__(self, place: tuple[int, int]) -> Scored:
+        row, column = place
+        return Scored(
+            self.rows[row], self.columns[column], self.pose_at(row, column),
+            float(self.values[row, column]), int(self.overlap[row, column]), place,
+        )  # fmt: skip
+
+    def comparable(self) -> NDArray[np.bool_]:
+        """Where the candidate overlaps the map, so that its score says something."""
+        return (self.overlap > 0) & ~np.isnan(self.values)
+
+    def winners(self) -> list[Scored]:
+        """The best candidate, and all others that score the same, row by row."""
+        able = self.comparable()
+        if not able.any():
+            return []
+        scores = np.where(able, -self.values if self.lower else self.values, -np.inf)
+        return [self[int(r), int(c)] for r, c in np.argwhere(scores >= scores.max() - EQUAL)]
+
+    def best(self) -> Scored | None:
+        """The first of the winners; None when nothing can be concluded, because no candidate
+        overlaps the map or, of several, all score the same."""
+        winners = self.winners()
+        if not winners or 1 < len(winners) == np.count_nonzero(self.comparable()):
+            return None
+        return winners[0]
+
+    def runner_up(self) -> Scored | None:
+        """The best of those that did not win."""
+        able = self.comparable()
+        for winner in self.winners():
+            able[winner.place] = False
+        if not able.any():
+            return None
+        scores = np.where(able, -self.values if self.lower else self.values, -np.inf)
+        row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
+        return self[int(row), int(column)]
