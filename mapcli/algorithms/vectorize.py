@@ -1,0 +1,40 @@
+"""From a grid map to a continuous map (Sect. 9.1): the outlines of its obstacles."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from mapcli.algorithms.polygons import Area, world_of_area
+from mapcli.model.grid import GridMap
+from mapcli.model.world import World
+
+CELLS_OFF = 0.5
+"""Default tolerance, in cells: a lone cell and a wall one cell thick keep their shape."""
+
+
+def vectorize(grid: GridMap, tolerance: float, threshold: float = 0.5) -> World:
+    """The obstacles of a map as polygons, simplified (Douglas and Peucker 1973).
+
+    Args:
+        tolerance: how far an outline may move, metres, more than 0.
+        threshold: cells from this probability on are obstacles.
+    """
+    outlines = shapely.simplify(obstacle_area(grid, threshold), tolerance / grid.resolution)
+    world = world_of_area(outlines)
+    return World(tuple(_placed(grid, polygon) for polygon in world.polygons))
+
+
+def obstacle_area(grid: GridMap, threshold: float) -> Area:
+    """The obstacle cells as an area: x is the column, y the row, a cell is 1 x 1."""
+    solid = np.pad(grid.cells >= np.float32(threshold), ((0, 0), (1, 1))).astype(np.int8)
+    change = np.diff(solid, axis=1)
+    rows, first = np.nonzero(change == 1)
+    _, end = np.nonzero(change == -1)
+    return shapely.union_all(shapely.box(first, rows, end, rows + 1))
+
+
+def _placed(grid: GridMap, polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Corners of cells as world points, without the last bit's noise."""
+    return grid.world_of_cells(polygon[:, 1] - 0.5, polygon[:, 0] - 0.5).round(9) + 0.0
