@@ -21,7 +21,8 @@ def polygon_areas(world: World) -> list[Area]:
     """
     areas = [shapely.Polygon(polygon) for polygon in world.polygons]
     for i, area in enumerate(areas):
-        reason = "has no area" if area.area == 0 else _fault(shapely.is_valid_reason(area))
+        flat = area.convex_hull.area == 0
+        reason = "has no area" if flat else _fault(shapely.is_valid_reason(area))
         if reason:
             raise DataError(
                 reason, where=f"polygons[{i}]", expected="an outline that never meets itself"

@@ -122,9 +122,7 @@ def _frame(
 
     if box is None:
         return frame_of(box_around(world, resolution), resolution)
-    x0, y0, x1, y1 = box
-    if y_down:
-        y0, y1 = -y1, -y0
+    (x0, x1), (y0, y1) = sorted(box[::2]), sorted(-y if y_down else y for y in box[1::2])
     return frame_of((x0, y0, x1, y1), resolution, from_top=y_down)
 
 
