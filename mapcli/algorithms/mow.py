@@ -14,7 +14,6 @@ from itertools import accumulate
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels.mowing import mow_once
 from mapcli.algorithms.drive import arc
@@ -117,7 +116,7 @@ def _mown(plan: MowingPlan, path: Floats) -> float:
     reach = CELLS_A_WIDTH // 2
     for du, dv in np.ndindex(2 * reach + 1, 2 * reach + 1):
         if math.hypot(du - reach, dv - reach) <= reach:
-            u, v = visited.T + [[du - reach], [dv - reach]]
+            u, v = np.add(visited, (du - reach, dv - reach)).T
             inside = (u >= 0) & (v >= 0) & (u < columns) & (v < rows)
             cut[v[inside], u[inside]] = True
     y, x = np.mgrid[:rows, :columns] * cell + cell / 2

@@ -49,7 +49,9 @@ def _lanes(lawn: Area, width: float) -> list[Floats]:
     if not count <= MOST_LANES:
         raise DataError(f"the lawn would have {count:,} lanes", expected=f"at most {MOST_LANES:,}")
     # As many as needed, spread evenly: the last one does not leave the lawn.
-    places = np.linspace(low + width / 2, high - width / 2, count) if count > 1 else [low + width / 2]
+    places = (
+        np.linspace(low + width / 2, high - width / 2, count) if count > 1 else [low + width / 2]
+    )
     lanes = [_lane(lawn, place, width, upright=upright) for place in places]
     found = [lane for lane in lanes if lane is not None]
     if not found or high - low < width:

@@ -79,8 +79,13 @@ def covered_shares(area: Area, frame: GridMap) -> NDArray[np.float64]:
     def to_cells(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return frame.fractional_cells_of_world(points)[:, ::-1] + 0.5
 
-    shares = np.zeros((frame.rows, frame.columns))
-    _fill(shares, shapely.transform(area, to_cells), 0, 0)
+    return covered_cells(shapely.transform(area, to_cells), frame.rows, frame.columns)
+
+
+def covered_cells(area: Area, rows: int, columns: int) -> NDArray[np.float64]:
+    """The same of an area in cells: x is the column, y the row, a cell is 1 x 1."""
+    shares = np.zeros((rows, columns))
+    _fill(shares, area, 0, 0)
     return shares
 
 

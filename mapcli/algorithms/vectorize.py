@@ -21,15 +21,16 @@ def vectorize(grid: GridMap, tolerance: float, threshold: float = 0.5) -> World:
         tolerance: how far an outline may move, metres, more than 0.
         threshold: cells from this probability on are obstacles.
     """
-    outlines = shapely.simplify(obstacle_area(grid, threshold), tolerance / grid.resolution)
+    solid = area_of_cells(grid.cells >= np.float32(threshold))
+    outlines = shapely.simplify(solid, tolerance / grid.resolution)
     world = world_of_area(outlines)
     return World(tuple(_placed(grid, polygon) for polygon in world.polygons))
 
 
-def obstacle_area(grid: GridMap, threshold: float) -> Area:
-    """The obstacle cells as an area: x is the column, y the row, a cell is 1 x 1."""
-    solid = np.pad(grid.cells >= np.float32(threshold), ((0, 0), (1, 1))).astype(np.int8)
-    change = np.diff(solid, axis=1)
+def area_of_cells(chosen: NDArray[np.bool_]) -> Area:
+    """The chosen cells, shape (rows, columns), as an area: x is the column, y the row, a cell is
+    1 x 1."""
+    change = np.diff(np.pad(chosen, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     rows, first = np.nonzero(change == 1)
     _, end = np.nonzero(change == -1)
     return shapely.union_all(shapely.box(first, rows, end, rows + 1))

@@ -26,7 +26,7 @@ RELIABLE = 0.95
 
 _OPTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("--mow", {"is_flag": True, "help": "Mow WORLD, a lawn, back and forth, many times."}),
-    ("--runs", {"default": 50, "type": click.IntRange(1, 10_000), "help": "Times that it is mown."}),
+    ("--runs", {"default": 50, "type": click.IntRange(1, 10_000), "help": "How often to mow."}),
     ("--mow-width", {"default": 0.3, "type": POSITIVE, "help": "Metres that a lane is cut wide."}),
     ("--landmarks", {"default": 0, "type": click.IntRange(0, 1000), "metavar": "N",
                      "help": "Tape marks around the lawn that the mower recognises."}),

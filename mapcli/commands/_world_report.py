@@ -18,7 +18,9 @@ from mapcli.model.world import World
 Points = Sequence[tuple[float, float]]
 
 _KEY = r"(?m)^[ {]*[\"']?(%s)[\"']?\s*:"
-_OBJECTS, _GRID = (re.compile((_KEY % keys).encode()) for keys in ("polygons|points", "image|cells"))
+_OBJECTS, _GRID = (
+    re.compile((_KEY % keys).encode()) for keys in ("polygons|points", "image|cells")
+)
 
 
 def looks_continuous(start: bytes) -> bool:

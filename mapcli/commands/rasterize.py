@@ -22,7 +22,6 @@ from mapcli.formats.map_output import SUFFIXES, SaveOptions, dump_map
 from mapcli.model.grid import GridMap
 
 if TYPE_CHECKING:
-    from mapcli.algorithms.rasterize import Box
     from mapcli.formats.world import LoadedWorld
     from mapcli.model.world import World
 
@@ -151,7 +150,7 @@ def _covered(grid: GridMap, *, y_down: bool) -> list[list[int]]:
     centres = grid.world_of_cells(rows, columns) / grid.resolution
     x, y = np.floor(centres * (1, -1 if y_down else 1)).astype(int).T
     order = np.lexsort((x, y))
-    return np.column_stack([x[order], y[order]]).tolist()
+    return [[int(x[k]), int(y[k])] for k in order]
 
 
 def _report(

@@ -44,9 +44,7 @@ def mowing_picture(plan: MowingPlan, mowings: Sequence[Mowing]) -> bytes:
     zoom = PANEL / float((high - low).max())
     width, height = (int(side) for side in np.ceil((high - low) * zoom))
     panels = [_panel(plan, mowing, low, zoom, (width, height)) for mowing in mowings]
-    sheet = Image.new(
-        "RGB", (MARGIN + len(panels) * (width + MARGIN), HEAD + height + FOOT), WHITE
-    )
+    sheet = Image.new("RGB", (MARGIN + len(panels) * (width + MARGIN), HEAD + height + FOOT), WHITE)
     for k, (panel, mowing) in enumerate(zip(panels, mowings, strict=True)):
         x = MARGIN + k * (width + MARGIN)
         sheet.paste(panel, (x, HEAD))
