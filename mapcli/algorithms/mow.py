@@ -29,6 +29,9 @@ PATIENCE = 3.0
 
 MOST_STEPS = 2_000_000
 
+AS_NOISE = 3.0
+"""How much noise an error is worth that is the same on every metre: after 10 m they are equal."""
+
 CELLS_A_WIDTH = 6
 """Fineness of the raster on which the mown area is measured."""
 
@@ -96,8 +99,7 @@ def _most_steps(plan: MowingPlan, mower: MowerModel) -> int:
 def _run(plan: MowingPlan, mower: MowerModel, size: float | None, normals: Floats) -> MowingRun:
     w = mower.wheels
     wheels = np.array([*w.noise, w.scale, w.turn_scale, math.radians(w.drift_deg)])
-    # Wheels without noise may still be wrong: a robot that trusts them wholly would not listen.
-    expected = np.maximum(wheels[:4], OdometryModel().noise)
+    expected = np.hypot(w.noise, _systematic(w))
     path, counted = np.empty_like(normals), np.empty_like(normals)
     seen = np.zeros(len(plan.marks), dtype=np.int64)
     side = -1.0 if size is None else float(size)
@@ -132,6 +134,14 @@ def smallest_reliable(mowings: Sequence[Mowing], share: float) -> float | None:
             break
         found = mowing.landmark_size
     return found
+
+
+def _systematic(wheels: OdometryModel) -> Floats:
+    """Noise that a mower reckons with for what is wrong with its wheels in every run, in the order
+    of `OdometryModel.noise`: such errors grow with the way, and noise with its root."""
+    turn, way = abs(wheels.turn_scale - 1), abs(wheels.scale - 1)
+    drift = abs(math.radians(wheels.drift_deg))
+    return AS_NOISE * np.array([turn, drift, way, 0.0])
 
 
 def mower_log(plan: MowingPlan, run: MowingRun, rate: float) -> Iterator[Record]:

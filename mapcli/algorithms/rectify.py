@@ -25,6 +25,9 @@ QUARTER = math.pi / 2
 DIAGONAL = math.radians(20), math.radians(70)
 """A stretch that turns so much on both its sides cuts a corner; it is no wall."""
 
+UNCLEAR = math.radians(35)
+"""A turn that is farther from going straight on and from a right angle is no corner."""
+
 LARGEST_BEND = math.radians(60)
 """Of what is taken for a wall; a trace that turns more without a corner follows no walls."""
 
@@ -134,7 +137,24 @@ def _stretches(poses: Floats, tolerance: float) -> list[_Stretch]:
             k += 1
         indices.append(k)
     indices[-1] = len(points) - 1
-    return [_Stretch(a, b, points[a], points[b]) for a, b in pairwise(indices)]
+    return [_fitted(points, a, b, tolerance) for a, b in pairwise(indices)]
+
+
+def _fitted(points: Floats, first: int, last: int, tolerance: float) -> _Stretch:
+    """The line through a stretch's points, those near its ends left out: they may lie round a
+    corner already."""
+    a, b = points[first], points[last]
+    part = points[first : last + 1]
+    from_ends = np.minimum(np.hypot(*(part - a).T), np.hypot(*(part - b).T))
+    inner = part[from_ends > 2 * tolerance]
+    if len(inner) < 3:
+        return _Stretch(first, last, a, b)
+    middle = inner.mean(axis=0)
+    (xx, xy), (_, yy) = (inner - middle).T @ (inner - middle)
+    angle = math.atan2(2 * xy, xx - yy) / 2
+    along = np.array([math.cos(angle), math.sin(angle)])
+    start, end = (middle + along * float((end - middle) @ along) for end in (a, b))
+    return _Stretch(first, last, start, end)
 
 
 def _walls(stretches: list[_Stretch], shortest: float) -> list[list[_Stretch]]:
@@ -151,7 +171,14 @@ def _walls(stretches: list[_Stretch], shortest: float) -> list[list[_Stretch]]:
         raise DataError(f"no straight stretch of {shortest:g} m", expected="a drive along walls")
     groups = [[straight[0]]]
     for a, b in pairwise(straight):
-        if round(_turn(a, b) / QUARTER):
+        turn = _turn(a, b)
+        if abs(turn - round(turn / QUARTER) * QUARTER) > UNCLEAR:
+            raise DataError(
+                f"it turns by {math.degrees(turn):.0f} degrees",
+                where=f"poses {a.last} to {b.first}",
+                expected="walls that go straight on or meet at right angles",
+            )
+        if round(turn / QUARTER):
             groups.append([])
         groups[-1].append(b)
     for group in groups:
@@ -239,7 +266,7 @@ def _moved(
     poses: Floats, groups: Sequence[Sequence[_Stretch]], chains: Sequence[Floats], ends: Floats,
     theta: float, walls: Sequence[Wall],
 ) -> Floats:  # fmt: skip
-    """Every pose on its wall, as far along it as it was on the trace."""
+    """Every pose on its wall, as far along it as on the trace, looking along it if it did."""
     halfway = [(a[-1].last + b[0].first) // 2 + 1 for a, b in pairwise(groups)]
     moved = np.empty((len(poses), 3))
     for k, (first, last) in enumerate(pairwise([0, *halfway, len(poses)])):
@@ -252,5 +279,9 @@ def _moved(
         begins = np.cumsum(np.hypot(*steps.T))[:-1]
         was = np.arctan2(steps[:, 1], steps[:, 0])[np.searchsorted(begins, along)]
         heading = theta + wall.quarter * QUARTER
-        moved[part, 2] = (poses[part, 2] + heading - was + math.pi) % math.tau - math.pi
+        turned = (poses[part, 2] - was + math.pi) % math.tau - math.pi
+        # Nearly along the path is along the wall, forwards or backwards.
+        along_wall = np.rint(turned / math.pi) * math.pi
+        off = np.where(np.abs(turned - along_wall) < DIAGONAL[0], along_wall, turned)
+        moved[part, 2] = (heading + off + math.pi) % math.tau - math.pi
     return moved
