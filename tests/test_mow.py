@@ -268,7 +268,7 @@ def test_the_command(tmp_path: Path, lawn: str, capsys: pytest.CaptureFixture[st
         (["--mow", "--runs", "0"], 2, "--runs"),
         (["--mow", "--landmark-size", "0"], 2, "--landmark-size"),
         (["--mow", "--speed", "0"], 2, "speed is 0"),
-        ([], 2, "say --path FILE and OUT.mcap, or --mow"),
+        ([], 2, "Missing option '--path' (or add --mow"),
         (["o.mcap", "--path", "p.txt", "--landmarks", "3"], 2, "are for --mow"),
     ],
 )

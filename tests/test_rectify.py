@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,7 @@ def followed(
     true = [drive.pose_at(k / 10) for k in range(math.ceil(drive.duration * 10) + 1)]
     pose = true[0]
     rows = [(pose.x, pose.y, pose.theta)]
-    for a, b in zip(true, true[1:], strict=False):
+    for a, b in pairwise(true):
         moved = a.between(b)
         turn = moved.theta + math.radians(drift_deg) * math.hypot(moved.x, moved.y)
         pose = pose.compose(Pose2D(moved.x * scale, moved.y * scale, turn))
@@ -67,7 +68,7 @@ def test_poses_lie_on_walls_and_look_along_them() -> None:
     result = rectify_trace(followed(drift_deg=2))
     x, y, theta = result.poses.T
     on_wall = np.zeros(len(x), dtype=bool)
-    for (ax, ay), (bx, by) in zip(result.corners, result.corners[1:], strict=False):
+    for (ax, ay), (bx, by) in pairwise(result.corners):
         along = np.array([bx - ax, by - ay]) / math.dist((ax, ay), (bx, by))
         off = np.abs((x - ax) * along[1] - (y - ay) * along[0])
         on_wall |= off < 1e-9
@@ -175,6 +176,25 @@ def test_a_slanting_wall_is_put_straight() -> None:
     assert 7 <= first_open[0] <= 10  # between the ends of the slanting wall
 
 
+def test_the_direction_of_turned_walls() -> None:
+    corners = Pose2D(3, 1, math.radians(20)).apply(np.array([[0, 0], [6, 0], [6, 4], [0, 4.0]]))
+    frame = frame_of((0, 0, 10, 8), 0.1)
+    cells = rasterize(World.of([corners]), frame).cells
+    result = rectify_map(frame.replaced(1 - cells), 0.2)
+    assert math.degrees(result.direction) == pytest.approx(20, abs=0.7)  # half a cell on 4 m
+    assert (result.squared, result.outlines) == (1, 1)
+    assert (result.grid.cells != 1 - cells).sum() < 60  # of 400 cells along the walls
+
+
+def test_what_slants_by_design_stays() -> None:
+    frame = frame_of((0, 0, 8, 6), 0.1)
+    hexagon = World.of([[(0.5, 3), (2, 0.5), (6, 0.5), (7.5, 3), (6, 5.5), (2, 5.5)]])
+    cells = 1 - rasterize(hexagon, frame).cells
+    result = rectify_map(frame.replaced(cells), 0.2)
+    assert result.squared == 0
+    np.testing.assert_array_equal(result.grid.cells, cells)
+
+
 def test_a_map_without_rooms() -> None:
     with pytest.raises(DataError, match="no cell of the map is open"):
         rectify_map(GridMap(np.full((3, 3), np.nan)), 1)
@@ -215,7 +235,7 @@ def test_the_command_on_a_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     (tmp_path / "m.txt").write_bytes(write_numbers(room_map(wobble=0.3)))
     out = tmp_path / "out.yaml"
     assert run("rectify", str(tmp_path / "m.txt"), str(out), "--png", str(tmp_path / "p.png")) == 0
-    assert "2 of 2 made square" in capsys.readouterr().out
+    assert "2 of 2 of the open space made square" in capsys.readouterr().out
     assert load_map(out).grid.rows == 60
 
 

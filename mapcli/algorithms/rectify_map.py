@@ -22,6 +22,10 @@ Mask = NDArray[np.bool_]
 CELLS_OFF = 2.0
 """Default tolerance, in cells."""
 
+MOSTLY, NEARLY = 0.75, math.radians(20)
+"""An outline is made square when so much of its length runs so nearly along the axes: what is
+round or slanting by design stays as it is."""
+
 LIKE = 0.5
 """A square outline must share so much of its area with what it stands for, or it is not used."""
 
@@ -49,8 +53,8 @@ def rectify_map(grid: GridMap, tolerance: float, threshold: float = 0.5) -> Rect
 
     The outline of the open space becomes stretches along the main direction of the walls and
     across it, each in the mean place of what it replaces. Only what is within the tolerance (and
-    a cell) of an obstacle changes: where the unknown begins there may be no wall. Small things
-    that have no square outline stay as they are.
+    a cell) of an obstacle changes: where the unknown begins there may be no wall. What is round
+    or slanting, and small things without a square outline, stay as they are.
 
     Args:
         tolerance: how far an outline may stray from a straight stretch, metres.
@@ -112,6 +116,8 @@ def _main_direction(area: Area) -> float:
 def _squared(ring: Area, tolerance: float) -> Area | None:
     """A polygon along the axes in the place of an outline; None when none is like it."""
     whole = shapely.Polygon(ring)
+    if not _runs_along_axes(shapely.get_coordinates(shapely.simplify(ring, tolerance))):
+        return None
     for limit in (tolerance, 0.5):
         corners = _square_corners(shapely.get_coordinates(shapely.simplify(ring, limit))[:-1])
         if corners is None:
@@ -121,6 +127,13 @@ def _squared(ring: Area, tolerance: float) -> Area | None:
         if both >= LIKE * max(square.area, whole.area):
             return square
     return None
+
+
+def _runs_along_axes(corners: Floats) -> bool:
+    x, y = np.diff(corners, axis=0).T
+    lengths, angles = np.hypot(x, y), np.arctan2(y, x)
+    off = np.abs(angles - np.rint(angles / (math.pi / 2)) * (math.pi / 2))
+    return bool(lengths[off <= NEARLY].sum() >= MOSTLY * lengths.sum())
 
 
 def _square_corners(corners: Floats) -> Floats | None:

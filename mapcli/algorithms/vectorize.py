@@ -22,8 +22,9 @@ def vectorize(grid: GridMap, tolerance: float, threshold: float = 0.5) -> World:
         threshold: cells from this probability on are obstacles.
     """
     solid = area_of_cells(grid.cells >= np.float32(threshold))
-    outlines = shapely.simplify(solid, tolerance / grid.resolution)
-    world = world_of_area(outlines)
+    # Part by part: as a whole they would be kept from touching each other, which takes long.
+    parts = shapely.simplify(shapely.get_parts(solid), tolerance / grid.resolution)
+    world = world_of_area(parts)
     return World(tuple(_placed(grid, polygon) for polygon in world.polygons))
 
 

@@ -16,10 +16,11 @@ from mapcli.commands._options import (
     common_options,
     no_clobber_option,
 )
-from mapcli.commands._output import check_outputs, write_bytes, write_files
+from mapcli.commands._output import check_outputs, write_beside, write_bytes
 from mapcli.errors import DataError
 from mapcli.formats.map_output import SUFFIXES, SaveOptions, dump_map
 from mapcli.model.grid import GridMap
+from mapcli.model.memory import Memory
 
 if TYPE_CHECKING:
     from mapcli.formats.world import LoadedWorld
@@ -69,8 +70,6 @@ def command(
       mapcli rasterize fixtures/fig9_1.yaml fig9_1.txt --box 0,0,8,8 --min-cover 0.3
       mapcli rasterize fixtures/apartment.yaml apartment.yaml --resolution 0.05
     """
-    from mapcli.algorithms.rasterize import rasterize
-
     if target != "-" and Path(target).suffix.lower() not in SUFFIXES:
         raise click.UsageError(f"{target!r} says no format; end it in {', '.join(SUFFIXES)}.")
     outputs = [target, *([json_file] if json_file else [])]
@@ -78,31 +77,31 @@ def command(
     loaded, world = _load(source, y_down=y_down)
     try:
         frame = _frame(world, box, resolution, y_down=loaded.y_down)
-        grid = rasterize(world, frame, min_cover)
-        written = _with_shares(world, frame) if shares else grid
+        grid, written = _rasterized(world, frame, min_cover, shares=shares)
     except DataError as error:
         error.file = error.file or source
         raise
-    options = SaveOptions(format="txt" if target == "-" else None)
-    files = dump_map(written, target, options)
-    if target == "-":
-        write_bytes("-", files["-"])
-    else:
-        write_files(Path(target).parent, files, no_clobber=no_clobber)
-    memory = _memory(world, grid)
-    cells = _covered(grid, y_down=loaded.y_down)
+    files = dump_map(written, target, SaveOptions(format="txt" if target == "-" else None))
+    write_beside(target, files, no_clobber=no_clobber)
+    memory, cells = _memory(world, grid), _covered(grid, y_down=loaded.y_down)
     if not quiet:
         _report(memory.rows(), cells, world, files, to_stderr="-" in outputs, verbose=verbose)
     if json_file is not None:
-        from mapcli.formats.document import document, json_bytes
-
         parameters = {"min_cover": min_cover, "resolution": resolution, "y_down": loaded.y_down,
                       "box": box}  # fmt: skip
-        digest = {Path(source).name: hashlib.sha256(loaded.data).hexdigest()}
-        listed = [{"x": x, "y": y} for x, y in cells]
-        content = {"memory": memory.document(), "cells": listed}
-        report = document("mapcli.rasterize", digest, parameters, content)
-        write_bytes(json_file, json_bytes(report), no_clobber=no_clobber)
+        data = _json(source, loaded.data, parameters, memory, cells)
+        write_bytes(json_file, data, no_clobber=no_clobber)
+
+
+def _json(
+    source: str, data: bytes, parameters: dict[str, Any], memory: Memory, cells: list[list[int]]
+) -> bytes:
+    from mapcli.formats.document import document, json_bytes
+
+    digest = {Path(source).name: hashlib.sha256(data).hexdigest()}
+    listed = [{"x": x, "y": y} for x, y in cells]
+    content = {"memory": memory.document(), "cells": listed}
+    return json_bytes(document("mapcli.rasterize", digest, parameters, content))
 
 
 def _load(source: str, *, y_down: bool) -> tuple[LoadedWorld, World]:
@@ -125,18 +124,23 @@ def _frame(
     return frame_of((x0, y0, x1, y1), resolution, from_top=y_down)
 
 
-def _with_shares(world: World, frame: GridMap) -> GridMap:
+def _rasterized(
+    world: World, frame: GridMap, min_cover: float, *, shares: bool
+) -> tuple[GridMap, GridMap]:
+    """The map of covered cells, and the one to be written: that or the shares."""
     import numpy as np
 
     from mapcli.algorithms.polygons import solid_area
-    from mapcli.algorithms.rasterize import covered_shares
+    from mapcli.algorithms.rasterize import covered_shares, rasterize
 
-    return frame.replaced(covered_shares(solid_area(world), frame).astype(np.float32))
+    grid = rasterize(world, frame, min_cover)
+    if not shares:
+        return grid, grid
+    covered = covered_shares(solid_area(world), frame)
+    return grid, frame.replaced(covered.astype(np.float32))
 
 
-def _memory(world: World, grid: GridMap) -> Any:
-    from mapcli.model.memory import Memory
-
+def _memory(world: World, grid: GridMap) -> Memory:
     vertices = sum(len(polygon) for polygon in world.polygons)
     occupied = int((grid.cells >= 0.5).sum())
     return Memory(grid.cells.size, occupied, len(world.polygons), vertices)

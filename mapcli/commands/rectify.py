@@ -11,7 +11,7 @@ import click
 
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, POSITIVE, common_options, no_clobber_option
-from mapcli.commands._output import check_outputs, write_bytes, write_files
+from mapcli.commands._output import check_outputs, write_beside, write_bytes
 from mapcli.errors import DataError
 from mapcli.formats.map_output import SUFFIXES, SaveOptions, dump_map
 from mapcli.model.log import counted
@@ -60,23 +60,15 @@ def command(
     trace, its format the suffix's: .json, .tum, .kitti, .g2o, .csv; each pose's `odom` in .json
     is the pose as it was, and `summary` has walls, corners and gaps.
 
-    A MAP: the outlines of its open space become straight and perpendicular, and the walls follow.
-    OUT is a map.
+    A MAP: the outlines of its open space become straight and perpendicular, and the walls follow;
+    what is round or slants by more than 20 degrees stays. OUT is a map.
 
     \b
     Examples:
       mapcli rectify trace.json rectified.json --png before-after.png
       mapcli rectify map.yaml rectified.yaml --tolerance 0.15
     """
-    is_trace = PurePath(source).suffix.lower() == ".json" or (
-        source == "-" and PurePath(target).suffix.lower() in TRACES
-    )
-    suffixes = TRACES if is_trace else tuple(SUFFIXES)
-    if target != "-" and PurePath(target).suffix.lower() not in suffixes:
-        kind = "a trace" if is_trace else "a map"
-        raise click.UsageError(
-            f"IN is {kind}, and {target!r} does not end in {', '.join(suffixes)}."
-        )
+    is_trace = _is_trace(source, target)
     outputs = [target, *([png] if png else [])]
     check_outputs(outputs, [source], "maps", no_clobber=no_clobber)
     try:
@@ -90,6 +82,23 @@ def command(
     if not quiet:
         for label, text in lines:
             click.echo(f"{label:>12}  {text}", err="-" in outputs)
+
+
+def _is_trace(source: str, target: str) -> bool:
+    """Whether the input is a trace and not a map.
+
+    Raises:
+        click.UsageError: the output's name is of the other kind.
+    """
+    suffix = PurePath(target).suffix.lower()
+    is_trace = PurePath(source).suffix.lower() == ".json" or (source == "-" and suffix in TRACES)
+    suffixes = TRACES if is_trace else tuple(SUFFIXES)
+    if target != "-" and suffix not in suffixes:
+        kind = "a trace" if is_trace else "a map"
+        raise click.UsageError(
+            f"IN is {kind}, and {target!r} does not end in {', '.join(suffixes)}."
+        )
+    return is_trace
 
 
 def _trace(
@@ -170,10 +179,7 @@ def _map(
     limit = CELLS_OFF * grid.resolution if tolerance is None else tolerance
     result = rectify_map(grid, limit)
     files = dump_map(result.grid, target, SaveOptions(format="txt" if target == "-" else None))
-    if target == "-":
-        write_bytes("-", files["-"])
-    else:
-        write_files(Path(target).parent, files, no_clobber=no_clobber)
+    write_beside(target, files, no_clobber=no_clobber)
     if png:
         from mapcli.formats.before_after import rectified_map_picture
 
@@ -181,6 +187,6 @@ def _map(
     degrees = math.degrees(result.direction)
     return [
         ("walls", f"{degrees:+.2f} degrees from the map's x axis, and across"),
-        ("outlines", f"{result.squared:,} of {result.outlines:,} made square"),
+        ("outlines", f"{result.squared:,} of {result.outlines:,} of the open space made square"),
         ("changed", f"{counted(result.changed, 'cells')} of {grid.cells.size:,}"),
     ]

@@ -151,7 +151,8 @@ def _check_usage(
     if mow and (path or given["faults"]):
         raise click.UsageError("--mow drives its own way: leave out --path and --odom-fault.")
     if not mow and (path is None or out is None):
-        raise click.UsageError("say --path FILE and OUT.mcap, or --mow.")
+        missing = "argument 'OUT.mcap'" if path else "option '--path'"
+        raise click.UsageError(f"Missing {missing} (or add --mow to mow a lawn).")
     if not mow and (given["landmarks"] or given["png"] or given["json"]):
         raise click.UsageError("--landmarks, --png and --json are for --mow.")
     if world == path == "-":
