@@ -103,14 +103,15 @@ def _main_direction(area: Area) -> float:
         for ring in (part.exterior, *part.interiors):
             vectors.append(np.diff(shapely.get_coordinates(ring), axis=0))
     x, y = np.concatenate(vectors).T
-    # Four times the angle makes all four directions one; long edges are surer of theirs. Edges
-    # far off the direction found, of furniture and of what was not seen, are then left out.
+    # Four times the angle makes all four directions one; long edges are surer of theirs. Then the
+    # median, because what slants must not turn what is straight.
     phases, weights = np.exp(4j * np.arctan2(y, x)), x**2 + y**2
-    phase = (phases * weights).sum()
-    for degrees in (15, 5, 2):
-        near = np.abs(np.angle(phases * np.conj(phase))) <= 4 * math.radians(degrees)
-        phase = (phases * weights)[near].sum() or phase
-    return float(np.angle(phase)) / 4
+    mean = (phases * weights).sum()
+    off = np.angle(phases * np.conj(mean))
+    order = np.argsort(off)
+    half = np.searchsorted(np.cumsum(weights[order]), weights.sum() / 2)
+    median = float(np.angle(mean) + off[order[half]])
+    return ((median + math.pi) % math.tau - math.pi) / 4
 
 
 def _squared(ring: Area, tolerance: float) -> Area | None:

@@ -34,7 +34,10 @@ def area_of_cells(chosen: NDArray[np.bool_]) -> Area:
     change = np.diff(np.pad(chosen, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     rows, first = np.nonzero(change == 1)
     _, end = np.nonzero(change == -1)
-    return shapely.union_all(shapely.box(first, rows, end, rows + 1))
+    # Much faster than a plain union where there are many small obstacles.
+    whole = shapely.disjoint_subset_union_all(shapely.box(first, rows, end, rows + 1))
+    corners = shapely.simplify(shapely.get_parts(whole), 0)
+    return shapely.multipolygons(corners)
 
 
 def _placed(grid: GridMap, polygon: NDArray[np.float64]) -> NDArray[np.float64]:
