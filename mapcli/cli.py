@@ -27,6 +27,9 @@ COMMANDS = {
     "convert": "Convert a map from any format to any other.",
     "info": "Say what is in a map or a log.",
     "render": "Draw a map as a picture.",
+    "rasterize": "Turn polygons into a grid map (Sect. 9.1).",
+    "vectorize": "Turn the obstacles of a grid map into polygons (Sect. 9.1).",
+    "rectify": "Make walls straight and perpendicular (Sect. 9.4).",
 }
 """Subcommand -> its one-line help. `NAME` lives in `commands/NAME.py` (`-` becomes `_`)."""
 

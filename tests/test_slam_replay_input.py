@@ -405,4 +405,5 @@ def test_fixtures_are_where_these_tests_look() -> None:
     assert sorted(path.name for path in FIXTURES.glob("*.mcap")) == [
         "apartment.mcap",
         "corridor.mcap",
+        "lateral.mcap",
     ]

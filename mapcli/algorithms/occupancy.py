@@ -26,6 +26,13 @@ from mapcli.model.pose import Pose2D, wrap_angle
 LOG_ODDS_UNIT = 1 / 17
 """One count of log-odds: a pass gives p = 0.19 of an obstacle, a hit p = 0.993."""
 
+
+def units_of(probability: float) -> int:
+    """Log-odds of an obstacle, in counts, after one observation of a cell; never 0."""
+    counts = round(math.log(probability / (1 - probability)) / LOG_ODDS_UNIT)
+    return counts or (1 if probability > 0.5 else -1)
+
+
 LEVEL_WIDTHS = np.array([1, 2, 4, 16], dtype=np.int64)
 """Cells a side that one value of each level of the field bounds."""
 

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from mapcli.commands._world_report import Points, cell_at, cell_line
 from mapcli.formats.document import document
 from mapcli.formats.grey import Dialect
 from mapcli.formats.maps import LoadedMap, load_map, read_file
@@ -15,7 +16,7 @@ OCCUPIED_FROM = 0.5
 """Cells from this probability on count as occupied, as in `--low` of the other commands."""
 
 
-def map_report(file: str, dialect: Dialect) -> tuple[str, dict[str, Any]]:
+def map_report(file: str, dialect: Dialect, at: Points = ()) -> tuple[str, dict[str, Any]]:
     """What to print about a map, and the same as a document."""
     digests: dict[str, str] = {}
 
@@ -26,7 +27,10 @@ def map_report(file: str, dialect: Dialect) -> tuple[str, dict[str, Any]]:
 
     loaded = load_map(file, dialect=dialect, read=reading)
     content = describe(loaded)
-    text = "\n".join([f"{file}: map, {loaded.format}", *_lines(content)])
+    queries = [cell_at(loaded.grid, point) for point in at]
+    lines = [f"{file}: map, {loaded.format}", *_lines(content), *map(cell_line, queries)]
+    text = "\n".join(lines)
+    content |= {"at": queries} if at else {}
     parameters = {"dialect": dialect, "occupied_from": OCCUPIED_FROM}
     return text, document("mapcli.map-info", digests, parameters, content)
 

@@ -114,6 +114,14 @@ def write_files(
             stack.enter_context(output_file(path, no_clobber=no_clobber)).write(data)
 
 
+def write_beside(target: str, files: dict[str, bytes], *, no_clobber: bool = False) -> None:
+    """Write the files of a map into the folder of its name, or `-` to standard output."""
+    if target == "-":
+        write_bytes("-", files["-"])
+    else:
+        write_files(Path(target).parent, files, no_clobber=no_clobber)
+
+
 def progress(
     items: Iterable[Item], label: str, total: int | None, *, quiet: bool
 ) -> Iterator[Item]:
