@@ -47,12 +47,13 @@ class Robots(NamedTuple):
 
 
 class Trace(NamedTuple):
-    """What happened, in columns: one entry per step (int64), and the cells of all paths and of
-    everything sensed, one after the other (int64), with a minus where a cell stayed unknown.
+    """What happened, in columns: one entry per step (int32), and the cells of all paths and of
+    everything sensed, one after the other (int32), with a minus where a cell stayed unknown.
 
     Attributes:
         robot, kind, time, origin, goal, frontier, worth, moves: of each step.
-        path_begin, path_end, sensed_begin, sensed_end: its part of `paths` and of `sensed`.
+        path_begin, path_end: its part of `paths`.
+        sensed_end: where its part of `sensed` ends; it begins where that of the step before ends.
         counts: used lengths (int64).
         length: of all paths driven or begun, in cells, a diagonal move being longer (float64).
     """
@@ -67,7 +68,6 @@ class Trace(NamedTuple):
     moves: Cells
     path_begin: Cells
     path_end: Cells
-    sensed_begin: Cells
     sensed_end: Cells
     paths: Cells
     sensed: Cells
@@ -205,9 +205,8 @@ def record(robots: Robots, trace: Trace, robot: int, kind: int, time: int, sense
     trace.frontier[step], trace.worth[step] = robots.frontier[robot], robots.worth[robot]
     trace.moves[step] = robots.moves[robot]
     trace.path_begin[step], trace.path_end[step] = begin, at
-    trace.sensed_begin[step] = trace.counts[SENSED]
-    trace.sensed_end[step] = trace.counts[SENSED] + sensed
     trace.counts[SENSED] += sensed
+    trace.sensed_end[step] = trace.counts[SENSED]
     trace.counts[STEPS] += 1
     robots.begin[robot] = at
     robots.origin[robot] = robots.cell[robot]

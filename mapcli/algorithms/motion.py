@@ -30,7 +30,7 @@ class Search(NamedTuple):
 
     Attributes:
         mark: base + moves from the robot, where the search has been (int32).
-        queue: the reached cells in order (int64).
+        queue: the reached cells in order (int32).
         base, reach, out: shape (1,) (int64); the moves that the search has reached out; and in
             how many moves the robot is out of the crowd, 0 when it is in none.
     """
@@ -47,7 +47,7 @@ def make_search(field: Field) -> Search:
     size = len(field.known)
     one = np.zeros(1, np.int64)
     return Search(
-        np.zeros(size, np.int32), np.zeros(size, np.int64), one + 1, one.copy(), one.copy()
+        np.zeros(size, np.int32), np.zeros(size, np.int32), one + 1, one.copy(), one.copy()
     )
 
 

@@ -21,7 +21,7 @@ class Parts(NamedTuple):
     Attributes:
         mark: base where the waves have been (int32).
         owner: the robot whose wave was there first (int32).
-        queue: the cells in the order in which the waves reached them (int64).
+        queue: the cells in the order in which the waves reached them (int32).
         base: shape (1,) (int64).
     """
 
@@ -37,7 +37,7 @@ def make_parts(field: Field, robots: int) -> Parts:
     return Parts(
         np.zeros(size, np.int32),
         np.zeros(size, np.int32),
-        np.zeros(size, np.int64),
+        np.zeros(size, np.int32),
         np.zeros(1, np.int64),
     )
 

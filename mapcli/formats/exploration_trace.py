@@ -21,8 +21,12 @@ it senses where it stands. `priority` is null at distance 0. With --plan there i
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
+from functools import lru_cache
+from io import BytesIO
+from itertools import islice
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -30,9 +34,12 @@ from numpy.typing import NDArray
 
 from mapcli.formats.document import document
 from mapcli.formats.text import shortest
-from mapcli.model.exploration import KINDS, Exploration, StepColumns, part
+from mapcli.model.exploration import KINDS, Exploration, StepColumns, between
 
 FORMAT = "mapcli.exploration-trace"
+
+PART = 4096
+"""Steps that are turned into text at a time."""
 
 
 def write_trace(
@@ -48,41 +55,77 @@ def write_trace(
     }
     if exploration.plan is not None:
         tail["plan"] = [asdict(goal) for goal in exploration.plan]
-    steps = ",".join(f"\n  {line}" for line in step_lines(exploration.steps))
-    entries = [*_entries(head), f'"steps": [{steps}]', *_entries(tail)]
-    return ("{" + ",\n ".join(entries) + "}\n").encode()
+    text = BytesIO()
+    text.write(f'{{{_entries(head)},\n "steps": ['.encode())
+    separator = "\n  "
+    for line in step_lines(exploration.steps):
+        text.write(f"{separator}{line}".encode())
+        separator = ",\n  "
+    text.write(f"],\n {_entries(tail)}}}\n".encode())
+    return text.getvalue()
 
 
-def _entries(content: Mapping[str, Any]) -> list[str]:
-    return [
+def _entries(content: Mapping[str, Any]) -> str:
+    return ",\n ".join(
         f"{json.dumps(key)}: {json.dumps(value, ensure_ascii=False, allow_nan=False)}"
         for key, value in content.items()
-    ]
+    )
 
 
 def step_lines(steps: StepColumns) -> Iterator[str]:
-    """Each step as a JSON object. Lists of whole numbers look the same in Python and in JSON."""
-    paths, unknowable = steps.path.tolist(), steps.unknowable.tolist()
-    sensed = [[r, c, p] for (r, c), p in zip(steps.cells.tolist(), _readable(steps), strict=True)]
-    columns = (
-        steps.robot, steps.kind, steps.time, steps.origin, steps.goal, steps.frontier_size,
-        steps.priority,
-    )  # fmt: skip
-    rows = zip(*(column.tolist() for column in columns), strict=True)
-    for k, (robot, kind, time, origin, goal, frontier_size, priority) in enumerate(rows):
-        stayed = unknowable[part(k, steps.unknowable_end)]
+    """Each step as a JSON object.
+
+    A part of them at a time: the objects of millions of steps would take gigabytes at once, and
+    Python's garbage collection would go through them again and again.
+    """
+    for first in range(0, len(steps), PART):
+        yield from lines_between(steps, first, min(first + PART, len(steps)))
+
+
+def lines_between(steps: StepColumns, first: int, last: int) -> Iterator[str]:
+    """The steps from `first` up to `last` (excluded)."""
+    numbers = (steps.robot, steps.kind, steps.time, steps.frontier_size, steps.priority)
+    found = between(first, last, steps.sensed_end)
+    sensed = map(sensed_text, *steps.cells[found].T.tolist(), steps.probabilities[found].tolist())
+    path = cell_texts(steps.path[between(first, last, steps.path_end)])
+    stayed = cell_texts(steps.unknowable[between(first, last, steps.unknowable_end)])
+    rows = zip(
+        *(column[first:last].tolist() for column in numbers),
+        cell_texts(steps.origin[first:last]),
+        cell_texts(steps.goal[first:last]),
+        lists(path, steps.path_end, first, last),
+        lists(sensed, steps.sensed_end, first, last),
+        lists(stayed, steps.unknowable_end, first, last),
+        strict=True,
+    )
+    for robot, kind, time, frontier_size, priority, origin, goal, path_, sensed_, stayed_ in rows:
+        unknowable = "" if stayed_ == "[]" else f'"unknowable": {stayed_}, '
         yield (
             f'{{"robot": {robot}, "kind": "{KINDS[kind]}", "time": {time}, "from": {origin}, '
-            f'"goal": {goal}, "path": {paths[part(k, steps.path_end)]}, '
-            f'"sensed": {sensed[part(k, steps.sensed_end)]}, '
-            + (f'"unknowable": {stayed}, ' if stayed else "")
-            + f'"frontier_size": {frontier_size}, '
-            f'"priority": {"null" if np.isnan(priority) else priority}}}'
+            f'"goal": {goal}, "path": {path_}, "sensed": {sensed_}, {unknowable}'
+            f'"frontier_size": {frontier_size}, '
+            f'"priority": {"null" if isnan(priority) else priority}}}'
         )
 
 
-def _readable(steps: StepColumns) -> list[float]:
-    """Probabilities as the shortest numbers that mean the same cell: 0.1, not 0.10000000149."""
-    values, places = np.unique(steps.probabilities, return_inverse=True)
-    short: NDArray[np.float64] = np.array([float(shortest(value)) for value in values])
-    return [float(p) for p in short[places].tolist()] if len(values) else []
+def cell_texts(cells: NDArray[np.int32]) -> Iterator[str]:
+    """Each cell, from shape (n, 2), as a JSON list."""
+    return map("[{}, {}]".format, *cells.T.tolist())
+
+
+def sensed_text(row: int, column: int, probability: float) -> str:
+    return f"[{row}, {column}, {readable(probability)}]"
+
+
+@lru_cache(maxsize=4096)
+def readable(probability: float) -> str:
+    """The shortest number that means the same float32: 0.1, not 0.10000000149."""
+    return str(float(shortest(np.float32(probability))))
+
+
+def lists(items: Iterable[str], ends: NDArray[np.int64], first: int, last: int) -> Iterator[str]:
+    """The list of each step's own items, from the items of the steps from `first` up to `last`
+    (excluded) one after the other."""
+    before, following = ends[first - 1] if first else 0, iter(items)
+    for length in np.diff(ends[first:last], prepend=before).tolist():
+        yield f"[{', '.join(islice(following, length))}]"

@@ -69,12 +69,12 @@ class StepColumns(Sequence[Step]):
         unknowable, unknowable_end: the same of what was sensed and stayed unknown.
     """
 
-    robot: NDArray[np.int64]
-    kind: NDArray[np.int64]
-    time: NDArray[np.int64]
+    robot: NDArray[np.int32]
+    kind: NDArray[np.int32]
+    time: NDArray[np.int32]
     origin: NDArray[np.int32]
     goal: NDArray[np.int32]
-    frontier_size: NDArray[np.int64]
+    frontier_size: NDArray[np.int32]
     priority: NDArray[np.float64]
     path: NDArray[np.int32]
     path_end: NDArray[np.int64]
