@@ -2,24 +2,26 @@
 
     python benchmarks/frontier.py ../shared/maps [PART...]
 
-Parts: depot, radius, robots, slope, start-up, literal (all of them without any). Every command runs
-twice, and the second run counts: it has the compiled loops cached. Depot is a warehouse of 604x307
-cells. For `slope` it is laid out as tiles, with a way 8 cells wide along the middle of each tile,
-across and along, which makes one hall of all of them. `literal` runs the reference of the tests,
-which recomputes everything at each step, and would take days on depot: it is timed on its first
-steps and on more of them later on, each standing for all steps around it.
+Parts: depot, radius, robots, slope, trace, start-up, literal (all of them without any). Every
+command runs twice, and the second run counts: it has the compiled loops cached. Depot is a
+warehouse of 604x307 cells. For `slope` and `trace` it is laid out as tiles, with a way 8 cells
+wide along the middle of each tile, across and along, which makes one hall of all of them.
+`literal` runs the reference of the tests, which recomputes everything at each step, and would
+take days on depot: it is timed on its first steps and on more of them later on, each standing
+for all steps around it.
 """
 
 from __future__ import annotations
 
-import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import IO, NamedTuple
 
 import numpy as np
 
@@ -35,31 +37,35 @@ FOUR = ("0,0", "1,0", "0,1", "1,1")
 """Places in metres: four robots side by side."""
 
 
-def run(world: Path, *options: str) -> tuple[dict[str, float], float, float, float]:
+class Summary(NamedTuple):
+    steps: int
+    time_steps: int
+    metres: float
+
+
+def run(world: Path, *options: str) -> tuple[Summary, float, float, float]:
     """Explore; returns the summary, wall seconds and CPU seconds of the second run, and MB."""
-    with tempfile.TemporaryDirectory() as folder:
-        trace = Path(folder) / "trace.json"
-        command = [str(MAPCLI), "frontier", "-q", str(world), *options]
+    with tempfile.TemporaryFile("w+") as said:
+        command = [str(MAPCLI), "frontier", str(world), *options]
         timed(command)
-        wall, cpu, megabytes = timed(command)
-        # The trace of many millions of steps takes longer to write than to make.
-        timed([*command, "--json", str(trace)])
-        summary = read_summary(trace)
-    return summary, wall, cpu, megabytes
+        wall, cpu, megabytes = timed(command, said)
+        said.seek(0)
+        return summary_of(said.read()), wall, cpu, megabytes
 
 
-def read_summary(trace: Path) -> dict[str, float]:
-    summary: dict[str, float] = json.loads(trace.read_text())["summary"]
-    return summary
+def summary_of(text: str) -> Summary:
+    """What the command says at its end."""
+    numbers = re.findall(r"([\d,.]+) (step|time step|m)s?\b", text)
+    of = {unit: float(number.replace(",", "")) for number, unit in numbers}
+    return Summary(int(of["step"]), int(of["time step"]), of["m"])
 
 
-def timed(command: list[str]) -> tuple[float, float, float]:
+def timed(command: list[str], said: IO[str] | int = subprocess.DEVNULL) -> tuple[float, ...]:
     """Wall seconds, CPU seconds and the peak memory in MB of a command."""
     start = time.perf_counter()
     # An installed command has its bytecode cached, whatever this shell wants.
     usual = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-    null = subprocess.DEVNULL
-    process = subprocess.Popen(command, stdout=null, stderr=null, env=usual)
+    process = subprocess.Popen(command, stdout=said, stderr=subprocess.DEVNULL, env=usual)
     _, status, used = os.wait4(process.pid, 0)
     wall = time.perf_counter() - start
     if status:
@@ -67,14 +73,13 @@ def timed(command: list[str]) -> tuple[float, float, float]:
     return wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
 
 
-def row(label: str, world: Path, *options: str) -> dict[str, float]:
+def row(label: str, world: Path, *options: str) -> None:
     summary, wall, cpu, megabytes = run(world, *options)
     print(
-        f"| {label} | {summary['steps']:,} | {summary['time_steps']:,} "
-        f"| {summary['distance_m']:,.0f} | {wall:.2f} | {cpu:.2f} | {megabytes:.0f} |",
+        f"| {label} | {summary.steps:,} | {summary.time_steps:,} "
+        f"| {summary.metres:,.0f} | {wall:.2f} | {cpu:.2f} | {megabytes:.0f} |",
         flush=True,
     )
-    return summary
 
 
 def depot(maps: Path) -> None:
@@ -106,10 +111,27 @@ def slope(maps: Path) -> None:
             at = ("--robot", f"{tile.rows // 2},{tile.columns // 2}")
             summary, wall, cpu, megabytes = run(world, *at)
             fixed = run(world, *at, "--max-steps", "0")[2]
-            each = 1e6 * (cpu - fixed) / summary["steps"]
+            each = 1e6 * (cpu - fixed) / summary.steps
             print(
-                f"| {side**2 / 1e6:g} | {summary['steps']:,} | {wall:.1f} | {cpu:.1f} "
+                f"| {side**2 / 1e6:g} | {summary.steps:,} | {wall:.1f} | {cpu:.1f} "
                 f"| {fixed:.1f} | {each:.2f} | {megabytes:,.0f} |",
+                flush=True,
+            )
+
+
+def trace(maps: Path) -> None:
+    """What `--json` takes on top of exploring."""
+    tile = load_map(maps / "depot.yaml").grid
+    for side in (1000, 2000):
+        with tempfile.TemporaryDirectory() as folder:
+            world, file = Path(folder) / "world.yaml", Path(folder) / "trace.json"
+            write_map(world, tiled(tile, side))
+            at = ("--robot", f"{tile.rows // 2},{tile.columns // 2}")
+            summary, _, without, _ = run(world, *at)
+            _, wall, cpu, megabytes = run(world, *at, "--json", str(file))
+            print(
+                f"| {summary.steps:,} | {file.stat().st_size / 1e6:.0f} | {cpu - without:.1f} "
+                f"| {wall:.1f} | {megabytes:,.0f} |",
                 flush=True,
             )
 
@@ -172,8 +194,8 @@ def literal(maps: Path) -> None:
 
 
 PARTS: dict[str, Callable[[Path], None]] = {
-    "depot": depot, "radius": radius, "robots": robots, "slope": slope, "start-up": start_up,
-    "literal": literal,
+    "depot": depot, "radius": radius, "robots": robots, "slope": slope, "trace": trace,
+    "start-up": start_up, "literal": literal,
 }  # fmt: skip
 
 
