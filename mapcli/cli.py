@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib
 import sys
-import traceback
 from collections.abc import Sequence
 
 import click
@@ -105,17 +104,23 @@ def main(args: Sequence[str] | None = None) -> None:
         sys.exit(0)
     except (MapcliError, OSError, MemoryError) as error:
         if debug:
-            traceback.print_exc()
+            print_traceback()
         click.echo(f"Error: {describe(error)}", err=True)
         sys.exit(EXIT_QUALITY if isinstance(error, QualityError) else EXIT_DATA)
     except Exception as error:
         if debug:
-            traceback.print_exc()
+            print_traceback()
         name = type(error).__name__
         click.echo(
             f"Error: a fault in mapcli: {name}: {describe(error)} (--debug says more)", err=True
         )
         sys.exit(EXIT_DATA)
+
+
+def print_traceback() -> None:
+    import traceback
+
+    traceback.print_exc()
 
 
 def describe(error: BaseException) -> str:

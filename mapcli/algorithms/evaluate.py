@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.errors import DataError
+from mapcli.model.counting import counted
 from mapcli.model.evaluation import Errors, Evaluation
-from mapcli.model.log import counted
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.trajectory import (
     Poses,

@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 
 from mapcli.errors import DataError
-from mapcli.model.log import counted
+from mapcli.model.counting import counted
 from mapcli.model.rectified import Floats, RectifiedTrace, Wall
 
 QUARTER = math.pi / 2

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from mapcli.errors import DataError
+from mapcli.model.counting import counted
 from mapcli.model.evaluation import Errors, Evaluation, Kind
-from mapcli.model.log import counted
 from mapcli.model.trajectory import (
     Poses,
     Relations,

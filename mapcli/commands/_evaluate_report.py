@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from mapcli.algorithms.evaluate import EvaluateParameters
+from mapcli.model.counting import counted
 from mapcli.model.evaluation import STATISTICS, Errors, Evaluation, statistics
-from mapcli.model.log import counted
 from mapcli.model.trajectory import Trajectory
 
 TITLES = {"ate": "ATE", "rpe": "RPE", "relations": "relations", "self_check": "self-check"}

@@ -18,8 +18,8 @@ from mapcli.errors import MapcliError
 from mapcli.formats.logs import Log
 from mapcli.formats.relations import is_relations, load_relations
 from mapcli.formats.trajectories import load_trajectory
+from mapcli.model.counting import counted
 from mapcli.model.evaluation import Evaluation, Kind
-from mapcli.model.log import counted
 from mapcli.model.scan import Odometry, Record
 from mapcli.model.trajectory import Trajectory
 

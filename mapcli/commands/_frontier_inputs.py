@@ -13,9 +13,9 @@ from mapcli.algorithms.explore import contradictions
 from mapcli.errors import DataError
 from mapcli.formats.grey import Dialect
 from mapcli.formats.maps import load_map, read_file
+from mapcli.model.counting import counted
 from mapcli.model.exploration import Cell
 from mapcli.model.grid import GridMap
-from mapcli.model.log import counted
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from mapcli.commands._frontier_outputs import Runs
+from mapcli.model.counting import counted
 from mapcli.model.exploration import Exploration, ExplorationSummary, FrontierCell
 from mapcli.model.grid import GridMap, crop_to_known
-from mapcli.model.log import counted
 
 REASONS = {
     "complete": "no frontier is left",

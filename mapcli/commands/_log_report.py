@@ -11,7 +11,8 @@ from mapcli.algorithms.log_check import CheckUp, Rhythm, check_log
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.document import document
 from mapcli.formats.logs import Log, open_log
-from mapcli.model.log import LogOptions, Topic, counted
+from mapcli.model.counting import counted
+from mapcli.model.log import LogOptions, Topic
 from mapcli.model.scan import Mount, RangeScan, Record
 
 DELAY_S = 1.0

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import click
 
-from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
-from mapcli.model.summary import LIMIT_FIELDS, Limit
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -80,25 +78,6 @@ class PoseType(NumberList):
 
 
 POSE = PoseType()
-
-
-class LimitType(click.ParamType[Any]):
-    """`used_share<0.95` on the command line, a `Limit` inside."""
-
-    name = "EXPR"
-
-    def __init__(
-        self, fields: Sequence[str] = LIMIT_FIELDS, example: str = "used_share<0.95"
-    ) -> None:
-        self.fields, self.example = fields, example
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
-        if isinstance(value, Limit):
-            return value
-        try:
-            return Limit.parse(value, self.fields, self.example)
-        except DataError as error:
-            self.fail(f"{error}.", param, ctx)
 
 
 def common_options(command: Command) -> Command:

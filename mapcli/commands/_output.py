@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -61,6 +60,8 @@ def check_output(path: str | Path, *, no_clobber: bool = False) -> None:
     """
     if str(path) == "-":
         return
+    import tempfile
+
     path = Path(path)
     _refuse(path, no_clobber)
     folder = next(parent for parent in path.absolute().parents if parent.exists())

@@ -12,8 +12,8 @@ import click
 from mapcli.commands._output import check_outputs, output_file, write_bytes, write_files
 from mapcli.formats.map_output import SUFFIXES, SaveOptions, dump_map
 from mapcli.formats.trajectory import WRITERS, dump_trajectory
+from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
-from mapcli.model.log import counted
 from mapcli.model.summary import ReplaySummary
 from mapcli.model.trace import PoseTrace
 

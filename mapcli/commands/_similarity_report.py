@@ -16,7 +16,7 @@ from mapcli.formats.similarity_table import (
     table_lines,
     turn_name,
 )
-from mapcli.model.log import counted
+from mapcli.model.counting import counted
 from mapcli.model.similarity import Scored
 
 MOST_NAMED = 15

@@ -11,8 +11,8 @@ from typing import Any
 
 from mapcli.formats.document import document
 from mapcli.formats.world import load_world
+from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
-from mapcli.model.log import counted
 from mapcli.model.world import World
 
 Points = Sequence[tuple[float, float]]

@@ -12,12 +12,12 @@ import click
 from mapcli.algorithms.evaluate import EvaluateParameters
 from mapcli.commands._evaluate_report import report_lines
 from mapcli.commands._evaluate_run import EvaluateRun, Files
+from mapcli.commands._limit_option import LimitType
 from mapcli.commands._log_options import LogInput, log_input_options
 from mapcli.commands._options import (
     FILE,
     NOT_NEGATIVE,
     POSITIVE,
-    LimitType,
     common_options,
     no_clobber_option,
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -152,6 +151,12 @@ def coverage_bar(
         yield lambda coverage: bar.update(int(1000 * coverage) - bar.pos)
 
 
+def terminal_width() -> int:
+    import shutil
+
+    return shutil.get_terminal_size().columns
+
+
 def _say(runs: Runs, outputs: ExploreOutputs, *, plan: bool) -> None:
     """Summary, plan or comparison; on a terminal that gets nothing else, the map as text."""
     to_stderr = outputs.uses_stdout()
@@ -161,8 +166,7 @@ def _say(runs: Runs, outputs: ExploreOutputs, *, plan: bool) -> None:
         else:
             lines = summary_lines(exploration, parameters.strategy)
         if not outputs.named() and sys.stdout.isatty():
-            width = shutil.get_terminal_size().columns
-            lines += ["", *map_text(exploration, parameters.low, width)]
+            lines += ["", *map_text(exploration, parameters.low, terminal_width())]
         click.echo("\n".join([*lines, ""] if len(runs) > 1 else lines), err=to_stderr)
     if len(runs) > 1 and not plan:
         click.echo("\n".join(comparison_lines(runs)), err=to_stderr)

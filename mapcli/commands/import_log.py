@@ -11,7 +11,7 @@ from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._options import FILE, common_options, no_clobber_option
 from mapcli.commands._output import output_file, progress
 from mapcli.errors import DataError, OutputError
-from mapcli.model.log import counted
+from mapcli.model.counting import counted
 from mapcli.model.scan import Odometry, RangeScan, Record
 
 

@@ -14,7 +14,7 @@ from mapcli.commands._options import FILE, POSITIVE, common_options, no_clobber_
 from mapcli.commands._output import check_outputs, write_beside, write_bytes
 from mapcli.errors import DataError
 from mapcli.formats.map_output import SUFFIXES, SaveOptions, dump_map
-from mapcli.model.log import counted
+from mapcli.model.counting import counted
 
 if TYPE_CHECKING:
     from mapcli.model.rectified import RectifiedTrace

@@ -15,13 +15,13 @@ from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid, units_of
 from mapcli.algorithms.perception import PerceptionParameters
 from mapcli.algorithms.similarity import SIMILARITIES
 from mapcli.algorithms.slam import Slam, SlamParameters
+from mapcli.commands._limit_option import LimitType
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._options import (
     FILE,
     NOT_NEGATIVE,
     POSITIVE,
     Command,
-    LimitType,
     Number,
     PoseType,
     common_options,

@@ -13,7 +13,8 @@ from pathlib import Path
 from mapcli.errors import DataError, FormatError
 from mapcli.formats._topics import choose_odom_topic, choose_scan_topic
 from mapcli.formats.ros_messages import settled_angle
-from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, Topic, counted
+from mapcli.model.counting import counted
+from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, Topic
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record
 
 REORDER_RECORDS = 2000

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mapcli.errors import DataError
-from mapcli.model.log import Role, Topic, counted
+from mapcli.model.counting import counted
+from mapcli.model.log import Role, Topic
 
 
 def choose_scan_topic(

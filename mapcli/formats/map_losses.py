@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from mapcli.formats.maps import Format, load_map
+from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
-from mapcli.model.log import counted
 
 
 def losses(

@@ -23,8 +23,8 @@ from mapcli.errors import FormatError
 from mapcli.formats.grey import UNKNOWN_GREY, Dialect, GreyImage, GreyRule
 from mapcli.formats.map_output import FORMATS, SUFFIXES, Format, SaveOptions, dump_map
 from mapcli.formats.text import read_text
+from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
-from mapcli.model.log import counted
 from mapcli.model.pose import Pose2D
 
 __all__ = [

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mapcli.errors import FormatError
 from mapcli.formats.grey import GreyImage
-from mapcli.model.log import counted
+from mapcli.model.counting import counted
 
 MAX_CELLS = 1_000_000_000
 """Larger images are refused instead of filling the memory of the machine."""

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
+from mapcli.model.counting import counted
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record
 
 Role = Literal["scan", "odometry", "tf", "tf_static", "other"]
@@ -86,12 +87,6 @@ class Damage:
         if what not in self.first:
             return ""
         return f" ({'first: ' if times > 1 else ''}{self.first[what]})"
-
-
-def counted(times: int, what: str) -> str:
-    """ "1 scan without beams", "2,000 scans without beams"."""
-    noun, space, rest = what.partition(" ")
-    return f"{times:,} {noun.removesuffix('s') if times == 1 else noun}{space}{rest}"
 
 
 @dataclass

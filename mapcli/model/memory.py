@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from mapcli.model.log import counted
+from mapcli.model.counting import counted
 
 PAIR_BYTES = 8
 """Two coordinates of four bytes each, as whole numbers of a cell or as those of a vertex."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.model.log import counted
+from mapcli.model.counting import counted
 from mapcli.model.pose import Pose2D
 
 Poses = NDArray[np.float64]
