@@ -13,8 +13,9 @@ from test_frontier_literal import worlds
 from mapcli.algorithms.arrays import cells_of, make_field
 from mapcli.algorithms.explore import ExploreParameters
 from mapcli.algorithms.field import OPEN, UNKNOWN
-from mapcli.algorithms.glimpse import make_runs, shows_unknown
+from mapcli.algorithms.glimpse import shows_unknown
 from mapcli.algorithms.goals import make_chooser
+from mapcli.algorithms.outset import take_stock
 from mapcli.algorithms.sensing import (
     THROUGH_OPEN,
     THROUGH_UNKNOWN,
@@ -119,11 +120,11 @@ def test_most_that_can_be_expected(sensor_range: int, cells: int) -> None:
 @settings(max_examples=200, deadline=None)
 @given(world=worlds(largest=9), sensor_range=st.integers(1, 12))
 def test_a_glimpse_shows_what_a_look_shows(world: np.ndarray, sensor_range: int) -> None:
-    """From all open cells in turn, so that rows remembered for one serve the next."""
     field = make_field(GridMap(world), GridMap(world), ExploreParameters())
-    sight, runs = make_sight(field, sensor_range), make_runs(len(field.known))
+    take_stock(field)
+    sight = make_sight(field, sensor_range)
     for row, column in np.argwhere(world < np.float32(0.5)).tolist():
         cell = (row + 1) * field.stride + column + 1
-        glimpsed = shows_unknown(field, sight, runs, cell)
+        glimpsed = shows_unknown(field, sight, cell)
         count = look(field, sight, field.known, THROUGH_OPEN, cell)
         assert glimpsed == any(field.known[sight.seen[k]] == UNKNOWN for k in range(count))

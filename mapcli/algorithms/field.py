@@ -39,6 +39,9 @@ OUTSIDE, UNKNOWN, UNKNOWABLE, OPEN, OBSTACLE = range(5)
 the world itself does not know it, and nobody looks at it again. In the world itself a cell is
 never UNKNOWN. Beyond the edge of the map there is nothing to learn: OUTSIDE."""
 
+BLOCK = 16
+"""Rows and columns of a block of cells."""
+
 FRONTIER_SIZE, KNOWN_CELLS, KNOWN_EXPLORABLE, CONTRADICTED = range(4)
 """Places in `Field.counts`."""
 
@@ -51,6 +54,7 @@ class Field(NamedTuple):
         world, truth: what each cell of the world is (uint8), and its probability (float32).
         known, grid: the same as far as it is known.
         frontier: 1 where the cell is a frontier cell (uint8).
+        blocks: how many frontier cells each block of BLOCK x BLOCK cells has (int32).
         crowded: known obstacles that a robot on the cell would touch (int32).
         explorable: 1 where the cell counts for the coverage (uint8).
         disc_rows, disc_columns: offsets of the obstacles that a robot would touch (int32).
@@ -66,6 +70,7 @@ class Field(NamedTuple):
     known: Cells
     grid: Reals
     frontier: Cells
+    blocks: Cells
     crowded: Cells
     explorable: Cells
     disc_rows: Cells
@@ -116,6 +121,17 @@ def unknown_neighbours(field: Field, cell: int) -> int:
         + (known[cell + 1] == UNKNOWN)
         + (known[cell + stride] == UNKNOWN)
     )
+
+
+def block_of(field: Field, cell: int) -> int:
+    """The block that a cell is in."""
+    row, column = cell // field.stride, cell % field.stride
+    return row // BLOCK * blocks_in(field.stride) + column // BLOCK
+
+
+def blocks_in(cells: int) -> int:
+    """How many blocks there are in so many cells, the last one perhaps a part."""
+    return (cells + BLOCK - 1) // BLOCK
 
 
 def flatten(cells: NDArray[Any], border: Any) -> NDArray[Any]:

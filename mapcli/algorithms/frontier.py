@@ -24,6 +24,7 @@ from mapcli.algorithms.field import (
     OPEN,
     UNKNOWABLE,
     Field,
+    block_of,
     learn,
     unknown_neighbours,
 )
@@ -200,8 +201,11 @@ def refresh_around(field: Field, cell: int) -> None:
 def refresh(field: Field, cell: int) -> None:
     """Lines 4-6 for one cell."""
     is_frontier = field.known[cell] == OPEN and unknown_neighbours(field, cell) > 0
-    field.counts[FRONTIER_SIZE] += is_frontier - field.frontier[cell]
-    field.frontier[cell] = is_frontier
+    if is_frontier != field.frontier[cell]:
+        change = 1 if is_frontier else -1
+        field.counts[FRONTIER_SIZE] += change
+        field.blocks[block_of(field, cell)] += change
+        field.frontier[cell] = is_frontier
 
 
 def has_room(sight: Sight, robots: Robots, trace: Trace) -> bool:

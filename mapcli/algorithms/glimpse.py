@@ -1,126 +1,82 @@
-"""Whether there is anything unknown to be seen from a cell, without listing what is seen.
+"""Whether there is anything unknown to be seen from a cell.
 
-The answer is that of a look over known open cells (`sensing.look`), and so is the way to it: rows
-and sectors. But of a row of open cells, which may be wide and of which nothing needs to be written
-down, only the end matters. It is remembered, so that looks from the cells around find it at once:
-a hundred cells of open floor cost a step instead of a hundred.
+The answer is that of a look over known open cells (`sensing.look`), which takes long when the
+range is. But a ray that comes to an unknown cell comes from an open one beside it, and that is a
+frontier cell. So in each octant only the sector is looked at in which there are frontier cells.
+The field counts them in blocks.
 """
 
 from __future__ import annotations
 
-import math
-from typing import NamedTuple
-
-import numpy as np
-
-from mapcli.algorithms.field import CONTRADICTED, OPEN, UNKNOWN, Cells, Field
+from mapcli.algorithms.field import BLOCK, Field, blocks_in
 from mapcli.algorithms.sensing import (
-    Octant,
+    SLOPES,
+    THROUGH_OPEN,
+    Sector,
     Sight,
     count_unknown,
     look_around,
+    look_in_octant,
     octant_of,
-    push,
+    start_look,
 )
 
-LONGEST = 2**15 - 1
 
-
-class Runs(NamedTuple):
-    """What is remembered of rows of open cells (mutable).
-
-    Attributes:
-        right, left, down, up: for each cell, so many cells from there on that way are known to be
-            open, itself included; at least so many, or 0 where nobody has counted (int16). Open
-            cells stay open, unless a contradiction is found.
-        contradicted: the field's count of those when the counting began, shape (1,) (int64).
-    """
-
-    right: Cells
-    left: Cells
-    down: Cells
-    up: Cells
-    contradicted: Cells
-
-
-def make_runs(size: int) -> Runs:
-    """Nothing is remembered of so many cells."""
-    right, left, down, up = np.zeros((4, size), np.int16)
-    return Runs(right, left, down, up, np.zeros(1, np.int64))
-
-
-def shows_unknown(field: Field, sight: Sight, runs: Runs, cell: int) -> bool:
+def shows_unknown(field: Field, sight: Sight, cell: int) -> bool:
     """Whether a look from a cell over known open cells would show an unknown one."""
     if sight.range == 1:
         return count_unknown(field, sight, look_around(field, sight, cell)) > 0
-    forget_if_wrong(field, runs)
+    start_look(sight)
     for vertical in (-1, 1):
         for horizontal in (-1, 1):
             for steep in (True, False):
-                if steep:
-                    run = runs.right if horizontal > 0 else runs.left
-                else:
-                    run = runs.down if vertical > 0 else runs.up
+                sector = frontier_sector(field, sight, cell, vertical, horizontal, steep)
                 octant = octant_of(field, sight, cell, vertical, horizontal, steep)
-                if octant_shows_unknown(field, sight, run, cell, octant):
+                seen = look_in_octant(sight, field.known, THROUGH_OPEN, cell, octant, sector, 0)
+                if count_unknown(field, sight, seen) > 0:
                     return True
     return False
 
 
-def forget_if_wrong(field: Field, runs: Runs) -> None:
-    """Forget all when a contradiction was found since the counting began."""
-    if runs.contradicted[0] != field.counts[CONTRADICTED]:
-        runs.contradicted[0] = field.counts[CONTRADICTED]
-        for run in (runs.right, runs.left, runs.down, runs.up):
-            for cell in range(len(run)):
-                run[cell] = 0
+def frontier_sector(
+    field: Field, sight: Sight, cell: int, vertical: int, horizontal: int, steep: bool
+) -> Sector:
+    """A sector of an octant outside which there is nothing unknown beside a frontier cell. It may
+    be larger than need be, as it is that of whole blocks."""
+    row, column = cell // field.stride, cell % field.stride
+    across, depth, low, high = blocks_in(field.stride), 0, SLOPES, 0
+    for r in range(first_block(sight, row, vertical), end_block(sight, row, vertical, field.rows)):
+        for c in range(
+            first_block(sight, column, horizontal),
+            end_block(sight, column, horizontal, field.columns),
+        ):
+            if field.blocks[r * across + c]:
+                down, aside = nearest(r, row, vertical), nearest(c, column, horizontal)
+                if not steep:
+                    down, aside = aside, down
+                lowest = SLOPES * (2 * aside - 1) // (2 * (down + BLOCK) - 1)
+                if lowest < SLOPES:  # else it is beyond the octant's diagonal
+                    highest = -(-SLOPES * (2 * (aside + BLOCK) - 1) // max(2 * down - 1, 1))
+                    depth, low, high = (
+                        max(depth, down + BLOCK),
+                        min(low, lowest),
+                        max(high, highest),
+                    )
+    return Sector(depth, max(low, 0), min(high, SLOPES))
 
 
-def octant_shows_unknown(
-    field: Field, sight: Sight, run: Cells, origin: int, octant: Octant
-) -> bool:
-    """The same for one octant; sectors are narrowed and split as in `sensing.look_in_octant`."""
-    sectors, waiting = sight.sectors, push(sight.sectors, 0, 1, 0, 1, 1, 1)
-    while waiting:
-        waiting -= 5
-        depth = sectors[waiting]
-        low, low_by = sectors[waiting + 1], sectors[waiting + 2]
-        high, high_by = sectors[waiting + 3], sectors[waiting + 4]
-        while depth <= octant.far and low * high_by < high * low_by:
-            near_edge, far_edge = 2 * depth - 1, 2 * depth + 1
-            reach = min(octant.wide, int(math.sqrt(sight.range * sight.range - depth * depth)))
-            row = origin + depth * octant.down
-            aside = (low * near_edge - low_by) // (2 * low_by) + 1
-            last = min(reach, (high * far_edge + high_by - 1) // (2 * high_by))
-            aside += open_run(
-                field, run, row + aside * octant.right, octant.right, last - aside + 1
-            )
-            while aside <= last and low * high_by < high * low_by:
-                if field.known[row + aside * octant.right] == UNKNOWN:
-                    return True
-                left, right = 2 * aside - 1, 2 * aside + 1
-                if low * far_edge < left * low_by:
-                    waiting = push(sectors, waiting, depth + 1, low, low_by, left, far_edge)
-                if low * near_edge < right * low_by:
-                    low, low_by = right, near_edge
-                aside += 1
-                beyond = row + aside * octant.right
-                aside += open_run(field, run, beyond, octant.right, last - aside + 1)
-            if (2 * reach + 1) * high_by < high * far_edge:
-                high, high_by = 2 * reach + 1, far_edge  # the rays from there on have ended
-            depth += 1
-    return False
+def first_block(sight: Sight, place: int, sense: int) -> int:
+    """The first of the blocks that are within the range of a row (or column), in the sense of 1
+    or -1."""
+    return max(place - (sight.reach if sense < 0 else 0), 0) // BLOCK
 
 
-def open_run(field: Field, run: Cells, cell: int, step: int, enough: int) -> int:
-    """How many cells from a cell on are known to be open, one step after the other; it may stop
-    counting when there are enough."""
-    count, counted = 0, 0
-    while count < enough and field.known[cell + count * step] == OPEN:
-        known = run[cell + count * step]
-        if known == 0 and counted == count:
-            counted += 1
-        count += max(known, 1)
-    for k in range(counted):
-        run[cell + k * step] = min(count - k, LONGEST)
-    return count
+def end_block(sight: Sight, place: int, sense: int, last: int) -> int:
+    """The one after the last of them; the last row of the map is given."""
+    return min(place + (sight.reach if sense > 0 else 0), last) // BLOCK + 1
+
+
+def nearest(block: int, place: int, sense: int) -> int:
+    """How far away the nearest row of a block is, in that sense; less than 0 when it is beside
+    the place or on its other side."""
+    return block * BLOCK - place if sense > 0 else place - (block * BLOCK + BLOCK - 1)

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mapcli.algorithms.field import CONTRADICTED, Cells, Field
-from mapcli.algorithms.glimpse import Runs, make_runs, shows_unknown
+from mapcli.algorithms.glimpse import shows_unknown
 from mapcli.algorithms.goals import LOOKOUT, NOWHERE, Goal, takers
 from mapcli.algorithms.motion import NEVER, Search, spread, start_search
 from mapcli.algorithms.sensing import Sight
@@ -32,17 +32,15 @@ class Lookouts(NamedTuple):
         blank: for each cell, up to how many contradictions in the field it is none (int32): NEVER
             where a robot has sensed, 0 where nobody has wondered. Empty for robots that are
             points: those fit everywhere.
-        runs: see `glimpse.py`.
     """
 
     blank: Cells
-    runs: Runs
 
 
 def make_lookouts(field: Field) -> Lookouts:
     """Nobody has wondered yet."""
     size = len(field.known) if len(field.disc_rows) else 0
-    return Lookouts(np.zeros(size, np.int32), make_runs(size))
+    return Lookouts(np.zeros(size, np.int32))
 
 
 def find_lookout(
@@ -77,7 +75,7 @@ def is_lookout(field: Field, sight: Sight, lookouts: Lookouts, cell: int) -> boo
     contradicted = field.counts[CONTRADICTED]
     if lookouts.blank[cell] > contradicted:
         return False
-    if shows_unknown(field, sight, lookouts.runs, cell):
+    if shows_unknown(field, sight, cell):
         return True
     lookouts.blank[cell] = contradicted + 1
     return False

@@ -83,12 +83,12 @@ def look(field: Field, sight: Sight, kinds: Cells, passed: int, cell: int) -> in
     start_look(sight)
     sight.seen[0] = cell
     sight.window[sight.reach * (2 * sight.reach + 2)] = sight.looks[0]
-    seen = 1
+    seen, whole = 1, Sector(sight.reach, 0, SLOPES)
     for vertical in (-1, 1):
         for horizontal in (-1, 1):
             for steep in (True, False):
                 octant = octant_of(field, sight, cell, vertical, horizontal, steep)
-                seen = look_in_octant(sight, kinds, passed, cell, octant, seen)
+                seen = look_in_octant(sight, kinds, passed, cell, octant, whole, seen)
     return seen
 
 
@@ -99,6 +99,18 @@ def start_look(sight: Sight) -> None:
         for here in range(len(sight.window)):
             sight.window[here] = 0
         sight.looks[0] = 1
+
+
+SLOPES = 256
+"""Parts of an octant that a `Sector` can tell apart."""
+
+
+class Sector(NamedTuple):
+    """A part of an octant: rays of slopes from low / SLOPES to high / SLOPES, over so many rows."""
+
+    depth: int
+    low: int
+    high: int
 
 
 class Octant(NamedTuple):
@@ -151,20 +163,22 @@ def look_around(field: Field, sight: Sight, cell: int) -> int:
 
 
 def look_in_octant(
-    sight: Sight, kinds: Cells, passed: int, origin: int, octant: Octant, seen: int
+    sight: Sight, kinds: Cells, passed: int, origin: int, octant: Octant, sector: Sector, seen: int
 ) -> int:
-    """Follow the rays of one octant; returns the new number of cells in `sight.seen`.
+    """Follow the rays of a sector of one octant; returns the new number of cells in `sight.seen`.
 
-    A sector holds the slopes between two fractions, low / low_by and high / high_by.
+    It splits into sectors of slopes between two fractions, low / low_by and high / high_by.
     """
+    far = min(octant.far, sector.depth)
     centre, limit = sight.reach * (2 * sight.reach + 2), sight.range * sight.range
-    sectors, waiting = sight.sectors, push(sight.sectors, 0, 1, 0, 1, 1, 1)
+    sectors = sight.sectors
+    waiting = push(sectors, 0, 1, sector.low, SLOPES, sector.high, SLOPES)
     while waiting:
         waiting -= 5
         depth = sectors[waiting]
         low, low_by = sectors[waiting + 1], sectors[waiting + 2]
         high, high_by = sectors[waiting + 3], sectors[waiting + 4]
-        while depth <= octant.far and low * high_by < high * low_by:
+        while depth <= far and low * high_by < high * low_by:
             near_edge, far_edge = 2 * depth - 1, 2 * depth + 1
             # The first cell that the lowest ray has not yet passed at the row's near edge.
             aside = (low * near_edge - low_by) // (2 * low_by) + 1
