@@ -198,8 +198,6 @@ def test_maps_of_one_cell_and_of_one_open_cell(capsys: pytest.CaptureFixture[str
         (["--robot", "5,9", "--robot-radius", "50"], "robot 1 at 5,9 with a radius of 50 m fits "
                                                      "nowhere that it could get to; expected a "
                                                      "smaller radius, or another start"),
-        (["--robot", "5,9", "--known", SMALL], "the known map has 7 rows and 7 columns; expected "
-                                               "11 and 16 as in the world"),
     ],
 )  # fmt: skip
 def test_data_that_cannot_be(
@@ -207,6 +205,24 @@ def test_data_that_cannot_be(
 ) -> None:
     assert frontier(WORLD, *arguments) == 1
     assert capsys.readouterr().err == f"Error: {WORLD}: {message}\n"
+
+
+@pytest.mark.parametrize(
+    ("known", "message"),
+    [
+        ("0 0\n0 0\n", "the known map has 2 rows and 2 columns; expected 1 and 2 as in the world"),
+        ("? 0\n", "robot 1 at 0,0 stands on an unknown cell of the known map; expected an open "
+                  "cell, below 0.5"),
+        ("0 x\n", "line 1, column 1: cell 'x'; expected a probability from 0 to 1, or ?"),
+    ],
+)  # fmt: skip
+def test_errors_of_the_known_map_name_it(
+    known: str, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("world.txt").write_text("0 0\n")
+    Path("known.txt").write_text(known)
+    assert frontier("world.txt", "--known", "known.txt", "--robot", "0,0") == 1
+    assert capsys.readouterr().err == f"Error: known.txt: {message}\n"
 
 
 def test_a_world_that_is_all_unknown(capsys: pytest.CaptureFixture[str]) -> None:

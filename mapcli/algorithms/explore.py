@@ -21,6 +21,10 @@ Strategy = Literal["nearest", "priority", "gain"]
 STRATEGIES: tuple[Strategy, ...] = get_args(Strategy)
 
 
+class KnownMapError(DataError):
+    """The known map is at fault, not the world."""
+
+
 @dataclass(frozen=True)
 class ExploreParameters:
     """How robots explore.
@@ -90,7 +94,8 @@ def explore(
 
     Raises:
         DataError: no robot, a robot outside the map, on an obstacle, on an unknown cell, on
-            another robot, or too large to stand anywhere; `known` of another size.
+            another robot, or too large to stand anywhere.
+        KnownMapError: `known` of another size, or a robot on no open cell of it.
     """
     parameters = parameters or ExploreParameters()
     check(world, robots, parameters, known)
@@ -135,16 +140,16 @@ def check(
     if not world.known.any():
         raise DataError("the world is all unknown", expected="a map with known cells")
     if known is not None and known.cells.shape != world.cells.shape:
-        raise DataError(
+        raise KnownMapError(
             f"the known map has {known.rows} rows and {known.columns} columns",
             expected=f"{world.rows} and {world.columns} as in the world",
         )
     if not robots:
         raise DataError("no robot", expected="a cell for each robot")
     for number, cell in enumerate(robots, start=1):
-        check_robot(world, cell, number, parameters.low, "world")
+        check_robot(world, cell, number, parameters.low, "world", DataError)
         if known is not None:
-            check_robot(known, cell, number, parameters.low, "known map")
+            check_robot(known, cell, number, parameters.low, "known map", KnownMapError)
         if cell in robots[: number - 1]:
             first = robots.index(cell) + 1
             raise DataError(
@@ -153,18 +158,20 @@ def check(
             )
 
 
-def check_robot(grid: GridMap, cell: Cell, number: int, low: float, which: str) -> None:
-    """Raise DataError unless a robot stands on an open cell of a map."""
+def check_robot(
+    grid: GridMap, cell: Cell, number: int, low: float, which: str, error: type[DataError]
+) -> None:
+    """Raise an error of this type unless a robot stands on an open cell of a map."""
     row, column = cell
     where = f"robot {number} at {row},{column}"
     if not grid.contains(row, column):
-        raise DataError(
+        raise error(
             f"{where} is outside the {which}",
             expected=f"a row from 0 to {grid.rows - 1}, a column from 0 to {grid.columns - 1}",
         )
     content = grid.cells[row, column]
     if kinds(grid.cells[row : row + 1, column], low, 0)[0] != OPEN:
         kind = "an unknown cell" if math.isnan(content) else f"an obstacle ({content:g})"
-        raise DataError(
+        raise error(
             f"{where} stands on {kind} of the {which}", expected=f"an open cell, below {low:g}"
         )

@@ -57,11 +57,8 @@ def frontier_sector(
                 lowest = SLOPES * (2 * aside - 1) // (2 * (down + BLOCK) - 1)
                 if lowest < SLOPES:  # else it is beyond the octant's diagonal
                     highest = -(-SLOPES * (2 * (aside + BLOCK) - 1) // max(2 * down - 1, 1))
-                    depth, low, high = (
-                        max(depth, down + BLOCK),
-                        min(low, lowest),
-                        max(high, highest),
-                    )
+                    depth, low = max(depth, down + BLOCK), min(low, lowest)
+                    high = max(high, highest)
     return Sector(depth, max(low, 0), min(high, SLOPES))
 
 

@@ -23,13 +23,14 @@ class Mission:
     """Where to explore, and from where.
 
     Attributes:
-        source: WORLD as the user named it.
+        source, known_source: the maps' files as the user named them.
         world, known: the maps.
         robots: their cells.
         inputs: file name -> SHA-256, for the trace.
     """
 
     source: str
+    known_source: str | None
     world: GridMap
     known: GridMap | None
     robots: tuple[Cell, ...]
@@ -57,7 +58,7 @@ def load_mission(
     grid = _load(world, dialect, digests, quiet=quiet)
     told = _load(known, dialect, digests, quiet=quiet) if known is not None else None
     robots = (*cells, *(cell_at(grid, point, world) for point in points))
-    return Mission(world, grid, told, robots, digests)
+    return Mission(world, known, grid, told, robots, digests)
 
 
 def cell_at(grid: GridMap, point: tuple[float, float], file: str) -> Cell:
@@ -93,10 +94,11 @@ def _load(file: str, dialect: Dialect, digests: dict[str, str], *, quiet: bool) 
     return loaded.grid
 
 
-def warn_about_known(mission: Mission, known: str, low: float) -> None:
+def warn_about_known(mission: Mission, low: float) -> None:
     """Say on stderr where what is known does not fit the world."""
     if mission.known is None or mission.known.cells.shape != mission.world.cells.shape:
         return
+    known = mission.known_source
     wrong = contradictions(mission.world, mission.known, low)
     if wrong:
         click.echo(

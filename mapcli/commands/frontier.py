@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from mapcli.algorithms.expedition import is_large
-from mapcli.algorithms.explore import STRATEGIES, ExploreParameters, explore
+from mapcli.algorithms.explore import STRATEGIES, ExploreParameters, KnownMapError, explore
 from mapcli.algorithms.explore import plan as plan_goals
 from mapcli.commands._frontier_inputs import Mission, load_mission, warn_about_known
 from mapcli.commands._frontier_outputs import (
@@ -105,8 +105,8 @@ def command(
     check_frontier_outputs(outputs, chosen, (world, known), plan=plan, no_clobber=no_clobber)
     mission = load_mission(world, known, cells, points, dialect, quiet=quiet)
     usual = ExploreParameters(connectivity=8 if connectivity == "8" else 4, **parameters)
-    if known is not None and not quiet:
-        warn_about_known(mission, known, usual.low)
+    if not quiet:
+        warn_about_known(mission, usual.low)
     runs = {}
     for strategy in chosen:
         run = replace(usual, strategy=strategy)
@@ -121,7 +121,7 @@ def command(
 def explored(
     mission: Mission, parameters: ExploreParameters, *, plan: bool, quiet: bool
 ) -> Exploration:
-    """Explore, or plan, with a progress bar on a terminal; errors name the world.
+    """Explore, or plan, with a progress bar on a terminal; errors name the map at fault.
 
     Raises:
         DataError: the robots cannot start.
@@ -134,7 +134,8 @@ def explored(
                 mission.world, mission.robots, parameters, mission.known, progress=progress
             )
     except DataError as error:
-        error.file = mission.source
+        at_fault = mission.known_source if isinstance(error, KnownMapError) else mission.source
+        error.file = at_fault
         raise
 
 
