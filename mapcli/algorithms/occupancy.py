@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms._kernels.mapping import integrate_beams, update_field
+from mapcli.algorithms._kernels.mapping import bridge_walls, integrate_beams, update_field
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.surfels import SurfelMap
 from mapcli.errors import DataError
@@ -209,10 +209,17 @@ class OccupancyGrid:
         if len(self._changed) < needed:
             self._changed = np.empty((2 * needed, 2), dtype=np.int32)
         count = integrate_beams(
-            self.log_odds, laser, ends, hits, (p.hit, p.miss, p.highest, p.lowest), self._changed
+            self.log_odds,
+            self.fields[0],
+            laser,
+            ends,
+            hits,
+            (p.hit, p.miss, p.highest, p.lowest),
+            self._changed,
         )
         changed = self._changed[:count]
         update_field(self.fields, LEVEL_WIDTHS, self.log_odds, changed, self._bump)
+        bridge_walls(self.fields, LEVEL_WIDTHS, self.log_odds, ends[:hits], self._bump)
 
     def to_grid_map(self) -> GridMap:
         """The obstacle probabilities, cropped to what is known and two cells around it."""
