@@ -81,8 +81,8 @@ class MatchParameters:
     refine: bool = True
     fewest: int = 5
     usual: int = 40
-    lost_below: float = 0.75
-    lost_gain: float = 0.2
+    lost_below: float = 0.9
+    lost_gain: float = 0.1
     lost_overlap: float = 0.4
     lost_xy: float = 0.5
     lost_xy_per_m: float = 2.2
