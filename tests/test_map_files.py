@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from mapcli.errors import DataError, FormatError
+from mapcli.formats.dialects import DIALECTS
 from mapcli.formats.grey import GreyRule
 from mapcli.formats.map_losses import losses
 from mapcli.formats.maps import LoadedMap, SaveOptions, dump_map, load_map, sniff
@@ -63,10 +64,10 @@ def test_default_settings_keep_the_three_states_and_the_place(
     assert loaded.warnings == ()
 
 
-@pytest.mark.parametrize("dialect", ["nav2", "ros1"])
+@pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("negate", [False, True])
 @pytest.mark.parametrize("suffix", ["yaml", "pgm", "png"])
-def test_trinary_reads_the_same_in_both_dialects(dialect: Any, negate: bool, suffix: str) -> None:
+def test_trinary_reads_the_same_in_every_dialect(dialect: Any, negate: bool, suffix: str) -> None:
     files = dump_map(PLACED, f"m.{suffix}", SaveOptions(negate=negate))
     assert_same(load_map(f"m.{suffix}", dialect=dialect, read=stored(files)).grid, PLACED)
 
@@ -262,7 +263,7 @@ def test_damaged_metadata_inside_an_image(tmp_path: Path) -> None:
 def test_losses() -> None:
     def lost(cells: Any, name: str, **options: Any) -> list[str]:
         grid = GridMap(np.array(cells, dtype=np.float32), 0.05, Pose2D(1, 2))
-        return losses(grid, dump_map(grid, name, SaveOptions(**options)), name)
+        return losses(grid, name, SaveOptions(**options))
 
     assert lost([[0.3, Q, 1]], "m.txt") == []
     assert lost([[0.1, 0.3, Q]], "m.yaml") == [

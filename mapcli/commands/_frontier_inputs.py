@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from mapcli.algorithms.explore import contradictions
-from mapcli.formats.grey import Dialect
+from mapcli.formats.dialects import Dialect
 from mapcli.formats.maps import load_map, read_file
 from mapcli.model.exploration import Cell
 from mapcli.model.grid import GridMap

@@ -7,8 +7,10 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from mapcli.formats.dialects import Dialect
 from mapcli.formats.document import document
-from mapcli.formats.grey import Dialect
 from mapcli.formats.maps import LoadedMap, load_map, read_file
 
 OCCUPIED_FROM = 0.5
@@ -24,7 +26,7 @@ def map_report(file: str, dialect: Dialect) -> tuple[str, dict[str, Any]]:
         digests[path.name] = hashlib.sha256(data).hexdigest()
         return data
 
-    loaded = load_map(file, dialect=dialect, read=reading)
+    loaded = load_map(file, dialect=dialect, read=reading, lenient=True)
     content = describe(loaded)
     text = "\n".join([f"{file}: map, {loaded.format}", *_lines(content)])
     parameters = {"dialect": dialect, "occupied_from": OCCUPIED_FROM}
@@ -34,9 +36,9 @@ def map_report(file: str, dialect: Dialect) -> tuple[str, dict[str, Any]]:
 def describe(loaded: LoadedMap) -> dict[str, Any]:
     """The facts about a map, ready for JSON."""
     grid, rule = loaded.grid, loaded.rule
-    known = int(grid.known.sum())
-    occupied = int((grid.cells >= OCCUPIED_FROM).sum())
-    graded = int(((grid.cells > 0) & (grid.cells < 1)).sum())
+    unknown = grid.count(np.isnan)
+    occupied = grid.count(lambda cells: cells >= OCCUPIED_FROM)
+    graded = grid.count(lambda cells: (cells > 0) & (cells < 1))
     image = None if rule is None else {
         "mode": rule.mode, "negate": rule.negate,
         "free_thresh": rule.free_thresh, "occupied_thresh": rule.occupied_thresh,
@@ -49,12 +51,12 @@ def describe(loaded: LoadedMap) -> dict[str, Any]:
         "origin": {"x": grid.origin.x, "y": grid.origin.y, "theta": grid.origin.theta},
         "image": image,
         "cells": {
-            "free": known - occupied,
+            "free": grid.stored.size - unknown - occupied,
             "occupied": occupied,
-            "unknown": grid.cells.size - known,
+            "unknown": unknown,
             "between_0_and_1": graded,
         },
-        "warnings": list(loaded.warnings),
+        "warnings": [*loaded.warnings, *loaded.remarks],
     }
 
 
