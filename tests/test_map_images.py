@@ -129,8 +129,8 @@ def test_png_kinds() -> None:
     grey = Image.fromarray(RAMP)
     assert np.array_equal(png(grey).channels[:, :, 0], RAMP)
     assert png(grey).alpha is None
-    assert np.array_equal(png(grey.convert("RGB")).luma(), RAMP)
-    assert np.array_equal(png(grey.convert("P")).luma(), RAMP)
+    assert np.array_equal(png(grey.convert("RGB")).luma, RAMP)
+    assert np.array_equal(png(grey.convert("P")).luma, RAMP)
     clear = png(Image.merge("LA", (grey, Image.fromarray(RAMP.T.copy()))))
     assert np.array_equal(clear.channels[:, :, 0], RAMP)
     assert np.array_equal(clear.alpha, RAMP.T)

@@ -78,7 +78,7 @@ def greys_of_percents(rule: GreyRule, dialect: Dialect = "nav2") -> NDArray[np.u
 
 
 def _read_nav2(image: GreyImage, rule: GreyRule) -> NDArray[np.uint8]:
-    percents: NDArray[np.uint8] = _percents_nav2(rule)[image.luma()]
+    percents: NDArray[np.uint8] = _percents_nav2(rule)[image.luma]
     if image.alpha is not None and rule.mode != "raw":
         percents[image.alpha < 255] = UNKNOWN_PERCENT
     return percents

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -46,10 +47,19 @@ class GreyImage:
     channels: NDArray[np.uint8]
     alpha: NDArray[np.uint8] | None = None
 
+    @cached_property
+    def coloured(self) -> int:
+        """Pixels that are not grey."""
+        if self.channels.shape[2] == 1:
+            return 0
+        red, green, blue = (self.channels[:, :, k] for k in range(3))
+        return int(np.count_nonzero((red != green) | (green != blue)))
+
+    @cached_property
     def luma(self) -> NDArray[np.uint8]:
         """8-bit grey as GraphicsMagick makes it for Nav2: Rec. 601 weights in 1/1024."""
-        if self.channels.shape[2] == 1:
-            return self.channels[:, :, 0]
+        if not self.coloured:
+            return np.ascontiguousarray(self.channels[:, :, 0])
         red, green, blue = (self.channels[:, :, k].astype(np.uint32) for k in range(3))
         return ((306 * red + 601 * green + 117 * blue + 512) >> 10).astype(np.uint8)
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mapcli.formats.dialects import DIALECTS, Dialect, percents_of_greys, read_percents
 from mapcli.formats.grey import UNKNOWN_GREY, GreyImage, GreyRule, MapImage
+from mapcli.model.grid import histogram
 from mapcli.model.log import counted
 
 
@@ -44,16 +45,12 @@ class _Pixels:
 
     def __init__(self) -> None:
         self.greys = np.zeros(256, dtype=np.int64)
-        self.channels = 1
         self.coloured = self.clear = 0
         self.alpha = False
 
     def add(self, band: GreyImage) -> None:
-        self.greys += np.bincount(band.luma().ravel(), minlength=256)
-        self.channels = band.channels.shape[2]
-        if self.channels > 1:
-            first = band.channels[:, :, :1]
-            self.coloured += int(np.count_nonzero((band.channels != first).any(axis=2)))
+        self.greys += histogram(band.luma)
+        self.coloured += band.coloured
         if band.alpha is not None:
             self.alpha = True
             self.clear += int(np.count_nonzero(band.alpha < 255))

@@ -119,12 +119,15 @@ def write_png(
 
 
 def _scanlines(band: GreyImage) -> bytes:
-    """Rows of bytes, each behind a 0: taken as they are, which suits maps better than a filter."""
+    """Rows as differences to the row above, PNG's filter 2; the first one as it is, filter 0."""
     grey = band.channels
     if band.alpha is not None:
         grey = np.concatenate([grey, grey, grey, band.alpha[:, :, None]], axis=2)
-    lines = np.zeros((len(grey), grey.shape[1] * grey.shape[2] + 1), dtype=np.uint8)
-    lines[:, 1:] = grey.reshape(len(grey), -1)
+    pixels = grey.reshape(len(grey), -1)
+    lines = np.full((len(pixels), pixels.shape[1] + 1), 2, dtype=np.uint8)
+    lines[0, 0] = 0
+    lines[0, 1:] = pixels[0]
+    np.subtract(pixels[1:], pixels[:-1], out=lines[1:, 1:])
     return lines.tobytes()
 
 

@@ -133,14 +133,22 @@ class GridMap:
         for rows in bands(self.rows, self.columns):
             yield replace(self, stored=self.stored[rows])
 
+    @cached_property
+    def _percents(self) -> NDArray[np.int64]:
+        """How many cells have each percent, shape (256,)."""
+        return sum(
+            (histogram(self.stored[rows]) for rows in bands(self.rows, self.columns)),
+            start=np.zeros(256, dtype=np.int64),
+        )
+
     def tally(self) -> Iterator[tuple[NDArray[np.float32], NDArray[np.int64]]]:
         """Probabilities, and how many cells have each, in arrays of the same length."""
+        if self.stored.dtype == np.uint8:
+            yield PROBABILITIES, self._percents
+            return
         for rows in bands(self.rows, self.columns):
             band = self.stored[rows].ravel()
-            if self.stored.dtype == np.uint8:
-                yield PROBABILITIES, np.bincount(band, minlength=256)
-            else:
-                yield band, np.ones(band.size, dtype=np.int64)
+            yield band, np.ones(band.size, dtype=np.int64)
 
     def count(self, function: Callable[[NDArray[np.float32]], NDArray[np.bool_]]) -> int:
         """How many cells `function` is true of (see `each`)."""
@@ -204,6 +212,17 @@ def bands(rows: int, columns: int) -> Iterator[slice]:
     step = max(BAND_CELLS // max(columns, 1), 1)
     for first in range(0, rows, step):
         yield slice(first, min(first + step, rows))
+
+
+def histogram(values: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """How often each byte occurs, shape (256,). Two at a time: that is twice as fast."""
+    flat = values.ravel()
+    pairs = np.bincount(flat[: flat.size // 2 * 2].view(np.uint16), minlength=1 << 16)
+    both = pairs.reshape(256, 256)
+    counts: NDArray[np.int64] = both.sum(axis=0) + both.sum(axis=1)
+    if flat.size % 2:
+        counts[flat[-1]] += 1
+    return counts
 
 
 def _no_probability(cells: NDArray[np.float32]) -> float | None:
