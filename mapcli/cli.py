@@ -22,6 +22,8 @@ COMMANDS = {
     "simulate": "Drive a simulated robot through a world and write its log.",
     "import": "Convert a log to MCAP with ROS 2 messages.",
     "convert": "Convert a map from any format to any other.",
+    "transform": "Crop, turn, mirror, move, resample, align, merge maps.",
+    "compare": "Compare two maps: cells, overlap, walls.",
     "info": "Say what is in a map or a log.",
     "render": "Draw a map as a picture.",
 }
