@@ -178,19 +178,23 @@ def merge(grid: GridMap, other: GridMap) -> GridMap:
     """
     if other.resolution < grid.resolution * (1 - _ROUNDING):
         other = resample(other, grid.resolution)
-    x0, y0, x1, y1 = (edge / grid.resolution for edge in _bounds(other, grid.origin))
+    frame = joint_frame(grid, other)
+    mine, yours = _alike(sampled(grid, *frame).stored, sampled(other, *frame).stored)
+    for rows in bands(*mine.shape):
+        yours[rows] = _higher(mine[rows], yours[rows])
+    return _placed(yours, grid.resolution, frame[0])
+
+
+def joint_frame(grid: GridMap, other: GridMap) -> tuple[Pose2D, float, int, int]:
+    """Origin, resolution, rows and columns of `grid`'s cells, going on as far as both reach."""
+    size = grid.resolution
+    x0, y0, x1, y1 = (edge / size for edge in _bounds(other, grid.origin))
     left, below = min(math.floor(x0 + _ROUNDING), 0), min(math.floor(y0 + _ROUNDING), 0)
     right = max(math.ceil(x1 - _ROUNDING), grid.columns)
     above = max(math.ceil(y1 - _ROUNDING), grid.rows)
-    corner = Pose2D(left * grid.resolution, below * grid.resolution)
-    if not (left or below):
-        corner = Pose2D()
-    rows, columns = above - below, right - left
-    placed = sampled(other, grid.origin.compose(corner), grid.resolution, rows, columns)
-    mine, yours = _alike(grid.stored, placed.stored)
-    region = yours[above - grid.rows : above, -left : grid.columns - left]
-    region[:] = _higher(region, mine)
-    return GridMap(yours, grid.resolution, placed.origin)
+    corner = Pose2D(left * size, below * size)
+    origin = grid.origin.compose(corner) if left or below else grid.origin
+    return origin, size, above - below, right - left
 
 
 def _alike(mine: NDArray[Any], yours: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:

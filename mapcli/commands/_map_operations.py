@@ -219,11 +219,12 @@ OPERATIONS: dict[str, Callable[[Result, Any, Dialect], Result]] = {
 
 
 def hashing(digests: dict[str, str]) -> Callable[[Path], bytes]:
-    """A reader of files that notes their SHA-256."""
+    """A reader of files that notes their SHA-256, by name; by folder too for the second of a name."""
 
     def read(path: Path) -> bytes:
         data = read_file(path)
-        digests[path.name] = hashlib.sha256(data).hexdigest()
+        name = path.name if path.name not in digests else f"{path.absolute().parent.name}/{path.name}"
+        digests[name] = hashlib.sha256(data).hexdigest()
         return data
 
     return read

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -111,8 +111,8 @@ class Limit:
     value: float
 
     @classmethod
-    def parse(cls, text: str) -> Limit:
-        """`used_share<0.95`.
+    def parse(cls, text: str, fields: Sequence[str] = LIMIT_FIELDS) -> Limit:
+        """`used_share<0.95`; `fields` are those that limits may be set on.
 
         Raises:
             DataError: not of that form, or about nothing that a summary has.
@@ -123,9 +123,10 @@ class Limit:
                 raise ValueError
             limit = cls(match[1], match[2], float(match[3]))
         except ValueError:
-            raise DataError(f"{text!r}", expected="a limit such as 'used_share<0.95'") from None
-        if limit.field not in LIMIT_FIELDS:
-            expected = f"one of {', '.join(LIMIT_FIELDS)}"
+            example = "used_share" if "used_share" in fields else fields[0]
+            raise DataError(f"{text!r}", expected=f"a limit such as '{example}<0.95'") from None
+        if limit.field not in fields:
+            expected = f"one of {', '.join(fields)}"
             raise DataError(f"{text!r}: no {limit.field!r} in the summary", expected=expected)
         return limit
 
