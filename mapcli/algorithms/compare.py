@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -15,23 +13,13 @@ from mapcli.model.comparison import FREE, OCCUPIED, UNKNOWN, Comparison
 from mapcli.model.grid import GridMap, histogram
 
 
-@dataclass(frozen=True, eq=False)
-class ComparedCells:
-    """The comparison of each cell.
-
-    Attributes:
-        pairs: `3 * state in a + state in b`, shape (rows, columns), uint8.
-        place: a map with the same rows, columns and place: `a`, grown.
-    """
-
-    pairs: NDArray[np.uint8]
-    place: GridMap
-
-
 def compare(
     a: GridMap, b: GridMap, *, align: bool = False, low: float = OCCUPIED_FROM
-) -> tuple[Comparison, ComparedCells]:
+) -> tuple[Comparison, NDArray[np.uint8]]:
     """Compare two maps on the cells of the first, which go on as far as the second reaches.
+
+    Gives the comparison, and for each of these cells `3 * state in a + state in b`, shape (rows,
+    columns), uint8.
 
     Args:
         align: find the motion that lays `b` onto `a` first.
@@ -44,8 +32,8 @@ def compare(
     if found is not None:
         b, _ = move(b, found.motion)
     frame = joint_frame(a, b)
-    place = sampled(a, *frame)
-    pairs = _states(place, low) * np.uint8(3)
+    pairs = _states(sampled(a, *frame), low)
+    pairs *= np.uint8(3)
     pairs += _states(sampled(b, *frame), low)
     cells = histogram(pairs)[:9].reshape(3, 3)
     cells[UNKNOWN, UNKNOWN] = 0
@@ -56,7 +44,7 @@ def compare(
         alignment=None if found is None else found.motion,
         score=None if found is None else found.score,
     )
-    return comparison, ComparedCells(pairs, place)
+    return comparison, pairs
 
 
 def _states(grid: GridMap, low: float) -> NDArray[np.uint8]:

@@ -1,10 +1,11 @@
 """Finds where one map lies in another, with no guess to start from.
 
 Both maps are reduced to about a hundred cells a side and correlated by FFT at every angle, all
-shifts at once, walls against walls and open against open. The best few candidates are then refined
-on the walls' points (iterated closest points, with an ever smaller reach), and the one with most
-evidence wins: wall cells that meet a wall of the other map, less those that meet what the other
-map knows to be no wall.
+shifts at once, walls against walls and open against open. The best few candidates, and the one
+that both origins are right already, are refined on the walls' points (iterated closest points,
+with an ever smaller reach). The one with most evidence wins: walls that lie on a wall of the other
+map, the closer the more, less those that lie where the other map knows to be no wall. At last its
+misfit is minimised.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
-from mapcli.algorithms.transform import move, resample
+from mapcli.algorithms.transform import bake, move, resample
 from mapcli.algorithms.wall_direction import OCCUPIED_FROM, wall_points
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
@@ -27,6 +29,7 @@ _COARSE_SIDE = 96
 
 _CANDIDATES = 12
 _MOST_POINTS = 20_000
+_POLISHING_POINTS = 4_000
 _NEAR_CELLS = 1.5
 """A wall cell meets a wall of the other map within so many cells."""
 
@@ -39,12 +42,12 @@ class Registration:
         motion: takes the second map's world into the first one's.
         score: of the wall cells of either map, where the other one knows something, the share
             that meets a wall of the other; 1 is perfect.
-        overlap: cells of the first map where both know something.
+        overlap_m2: square metres where both know something.
     """
 
     motion: Pose2D
     score: float
-    overlap: int
+    overlap_m2: float
 
 
 def register(a: GridMap, b: GridMap, low: float = OCCUPIED_FROM) -> Registration:
@@ -53,37 +56,61 @@ def register(a: GridMap, b: GridMap, low: float = OCCUPIED_FROM) -> Registration
     Raises:
         DataError: a map without walls, or nothing in common.
     """
-    walls_a, walls_b = (_some(wall_points(grid, low)) for grid in (a, b))
+    walls_a, walls_b = wall_points(a, low), _some(wall_points(b, low))
     if not (len(walls_a) and len(walls_b)):
         raise DataError("a map without occupied cells", expected="walls in both maps")
     tree = cKDTree(walls_a)
     cell = max(a.resolution, b.resolution)
     best, most = None, -math.inf
-    for candidate, coarse in _candidates(a, b, low):
+    for candidate, coarse in [(Pose2D(), cell), *_candidates(a, b, low)]:
         motion = _refined(candidate, tree, walls_b, 2 * coarse, cell)
         found, evidence = score(a, b, motion, low)
         if evidence > most:
             best, most = found, evidence
-    if best is None or best.overlap == 0:
+    if best is None or best.overlap_m2 == 0:
         raise DataError("the maps have nothing in common", expected="maps that overlap")
-    return best
+    polished, evidence = score(a, b, _polished(best.motion, walls_a, walls_b, cell), low)
+    return polished if evidence >= most else best
 
 
 def score(
     a: GridMap, b: GridMap, motion: Pose2D, low: float = OCCUPIED_FROM
 ) -> tuple[Registration, float]:
-    """How well `b`, moved, lies on `a`; and the evidence for it, in wall cells."""
+    """How well `b`, moved, lies on `a`; and the evidence for it, in square metres of walls."""
     moved, _ = move(b, motion)
-    walls_a, walls_b = _some(wall_points(a, low)), _some(wall_points(moved, low))
     near = _NEAR_CELLS * max(a.resolution, b.resolution)
-    met = compared = 0
-    for walls, others, grid in ((walls_a, walls_b, moved), (walls_b, walls_a, a)):
-        distance, _ = cKDTree(others).query(walls, distance_upper_bound=near)
+    met = compared = evidence = 0.0
+    for mine, other in ((a, moved), (moved, a)):
+        everything = _close_to(other, wall_points(mine, low), near)
+        walls, targets = _some(everything), _close_to(mine, wall_points(other, low), near)
+        weight = len(everything) / max(len(walls), 1) * mine.resolution**2
+        distance = _distances(walls, targets, near)
         meets = np.isfinite(distance)
-        met += int(meets.sum())
-        compared += int((meets | _knows(grid, walls)).sum())
+        counts = weight * int((meets | _knows(other, walls)).sum())
+        met += weight * int(meets.sum())
+        compared += counts
+        evidence += 2 * weight * float((1 - (distance[meets] / near) ** 2).sum()) - counts
     share = met / compared if compared else 0.0
-    return Registration(motion, share, _overlap(a, moved)), 2.0 * met - compared
+    return Registration(motion, share, _overlap(a, moved)), evidence
+
+
+def _distances(
+    walls: NDArray[np.float64], targets: NDArray[np.float64], near: float
+) -> NDArray[np.float64]:
+    """From each wall cell to the nearest target; infinite where none is near."""
+    if not len(targets):
+        return np.full(len(walls), np.inf)
+    distance, _ = cKDTree(targets).query(walls, distance_upper_bound=near)
+    return np.asarray(distance)
+
+
+def _close_to(grid: GridMap, points: NDArray[np.float64], near: float) -> NDArray[np.float64]:
+    """The points that lie on the map or near its edge."""
+    row, column = grid.fractional_cells_of_world(points).T
+    margin = near / grid.resolution + 0.5
+    inside = (row > -margin) & (row < grid.rows - 1 + margin)
+    inside &= (column > -margin) & (column < grid.columns - 1 + margin)
+    return np.asarray(points[inside])
 
 
 def _some(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -93,17 +120,21 @@ def _some(points: NDArray[np.float64]) -> NDArray[np.float64]:
 def _knows(grid: GridMap, points: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether the map knows the cells of points."""
     rows, columns = grid.cells_of_world(points).T
-    inside = (rows >= 0) & (columns >= 0) & (rows < grid.rows) & (columns < grid.columns)
-    known = np.zeros(len(points), dtype=np.bool_)
-    known[inside] = GridMap(grid.stored[rows[inside], columns[inside]][None]).known[0] if (
-        inside.any()
-    ) else False  # fmt: skip
-    return known
+    known = (rows >= 0) & (columns >= 0) & (rows < grid.rows) & (columns < grid.columns)
+    if known.any():
+        known[known] = GridMap(grid.stored[rows[known], columns[known]][None]).known[0]
+    return np.asarray(known)
 
 
-def _overlap(a: GridMap, b: GridMap) -> int:
-    rows, columns = np.nonzero(a.known)
-    return int(_knows(b, a.world_of_cells(rows, columns)).sum())
+def _overlap(a: GridMap, b: GridMap) -> float:
+    """Square metres that both know, counted in the cells of the one with fewer cells."""
+    small, large = (a, b) if a.stored.size < b.stored.size else (b, a)
+    cells, first = 0, 0
+    for band in small.bands():
+        rows, columns = np.nonzero(band.known)
+        cells += int(_knows(large, small.world_of_cells(rows + first, columns)).sum())
+        first += band.rows
+    return cells * small.resolution**2
 
 
 def _candidates(a: GridMap, b: GridMap, low: float) -> list[tuple[Pose2D, float]]:
@@ -119,7 +150,7 @@ def _candidates(a: GridMap, b: GridMap, low: float) -> list[tuple[Pose2D, float]
     found = []
     for k in range(turns):
         turned, _ = move(small_b, Pose2D(0, 0, k * math.tau / turns))
-        signal, place = _signal(_upright(turned), low)
+        signal, place = _signal(turned, low)
         product = np.fft.irfft2(spectrum * np.fft.rfft2(signal, (side, side)).conj(), (side, side))
         at = int(np.argmax(product))
         v, u = (d - side if d > side // 2 else d for d in divmod(at, side))
@@ -130,15 +161,9 @@ def _candidates(a: GridMap, b: GridMap, low: float) -> list[tuple[Pose2D, float]
     return [(pose, coarse) for _, pose in found[:_CANDIDATES]]
 
 
-def _upright(grid: GridMap) -> GridMap:
-    from mapcli.algorithms.transform import bake
-
-    return bake(grid)
-
-
 def _signal(grid: GridMap, low: float) -> tuple[NDArray[np.float64], tuple[float, float]]:
     """Walls above and open below a mean of 0, unknown 0; the lowest y in row 0. And its corner."""
-    upright = _upright(grid)
+    upright = bake(grid)
     cells = upright.bottom_up()
     known = ~np.isnan(cells)
     signal = np.where(known, np.where(cells >= np.float32(low), 1.0, 0.0), 0.0)
@@ -165,6 +190,34 @@ def _refined(
         if reach <= 2 * cell:
             return motion
         reach = max(reach / 2, 2 * cell)
+
+
+def _polished(
+    motion: Pose2D, a: NDArray[np.float64], b: NDArray[np.float64], cell: float
+) -> Pose2D:
+    """The motion nearby with the least squares of distances, both ways, each at most two cells.
+
+    Closest points alone stall where walls are several cells thick: every cell has a wall at hand.
+    """
+    a, b = (points[:: max(len(points) // _POLISHING_POINTS, 1)] for points in (a, b))
+    trees, centre = (cKDTree(a), cKDTree(b)), b.mean(axis=0)
+    reach = max(float(np.hypot(*(b - centre).T).max()), cell)
+
+    def moved(change: NDArray[np.float64]) -> Pose2D:
+        x, y, turn = change * cell
+        about = Pose2D(centre[0], centre[1], turn / reach)
+        return motion.compose(Pose2D(x, y)).compose(about).compose(Pose2D(-centre[0], -centre[1]))
+
+    def misfit(change: NDArray[np.float64]) -> float:
+        there = moved(change)
+        d, _ = trees[0].query(there.apply(b))
+        e, _ = trees[1].query(there.inverse().apply(a))
+        return sum(float(np.mean(np.minimum(x / cell, 2.0) ** 2)) for x in (d, e))
+
+    start = np.vstack([np.zeros(3), np.eye(3)])
+    found = minimize(misfit, np.zeros(3), method="Nelder-Mead",
+                     options={"initial_simplex": start, "xatol": 1e-3, "fatol": 1e-9})  # fmt: skip
+    return moved(found.x)
 
 
 def _fitted(points: NDArray[np.float64], targets: NDArray[np.float64]) -> Pose2D:

@@ -187,7 +187,7 @@ def _merge(result: Result, value: tuple[str, Pose2D | str | None], dialect: Dial
         found = register(result.grid, other)
     else:
         found, _ = score(result.grid, other, how if isinstance(how, Pose2D) else Pose2D())
-    overlap = found.overlap * result.grid.resolution**2
+    overlap = found.overlap_m2
     text = (
         f"{file}: {_words(found.motion)}; score {found.score:.2f} over {overlap:.1f} square metres"
     )
@@ -223,7 +223,9 @@ def hashing(digests: dict[str, str]) -> Callable[[Path], bytes]:
 
     def read(path: Path) -> bytes:
         data = read_file(path)
-        name = path.name if path.name not in digests else f"{path.absolute().parent.name}/{path.name}"
+        name = (
+            path.name if path.name not in digests else f"{path.absolute().parent.name}/{path.name}"
+        )
         digests[name] = hashlib.sha256(data).hexdigest()
         return data
 

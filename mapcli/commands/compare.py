@@ -81,11 +81,11 @@ def command(
     check_outputs(outputs, (a, b), "maps", no_clobber=no_clobber)
     digests: dict[str, str] = {}
     maps = [load_map(file, dialect=dialect, read=hashing(digests)) for file in (a, b)]
-    comparison, cells = compare(maps[0].grid, maps[1].grid, align=align, low=low)
+    comparison, pairs = compare(maps[0].grid, maps[1].grid, align=align, low=low)
     if png:
         from mapcli.formats.difference_picture import difference_picture
 
-        picture = difference_picture(cells.pairs, (Path(a).name, Path(b).name))
+        picture = difference_picture(pairs, _names(a, b))
         write_bytes(png, picture, no_clobber=no_clobber)
     if json_file:
         content = _json(comparison, digests, {"align": align, "low": low, "dialect": dialect})
@@ -98,6 +98,15 @@ def command(
             click.echo(f"{name:>13}  {text}", err="-" in outputs)
     for limit in limits:
         limit.check(comparison.limits(), f"{a}, {b}")
+
+
+def _names(a: str, b: str) -> tuple[str, str]:
+    """The maps' names, with their folders when they would be the same."""
+    paths = Path(a), Path(b)
+    names = [path.name for path in paths]
+    if names[0] == names[1]:
+        names = [f"{path.absolute().parent.name}/{path.name}" for path in paths]
+    return names[0], names[1]
 
 
 def _json(comparison: Comparison, inputs: dict[str, str], parameters: dict[str, Any]) -> bytes:

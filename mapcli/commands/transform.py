@@ -118,6 +118,7 @@ def command(
       mapcli transform map.yaml - --bake-yaw | mapcli info -
     """
     from mapcli.formats.maps import load_map
+    from mapcli.formats.trace import move_trace
 
     operations = click.get_current_context().obj
     if not operations:
@@ -128,9 +129,10 @@ def command(
     mode = mode or ("trinary" if loaded.rule is None else loaded.rule.mode)
     options = save_options(target, {"mode": mode, "dialect": dialect, "form": form})
     result = apply(loaded, digests, operations, dialect)
+    moved = move_trace(trace[0], result.motion) if trace else None
     names = write_map(result.grid, target, options, result.files, no_clobber=no_clobber)
-    if trace:
-        _move_trace(trace, result, no_clobber)
+    if trace and moved:
+        write_bytes(trace[1], moved, no_clobber=no_clobber)
         names.append(trace[1])
     if json_file:
         from mapcli.formats.document import document, json_bytes
@@ -167,10 +169,3 @@ def _check(
         raise click.UsageError("IN and --trace cannot both be standard input.")
     for name in results:
         check_output(name, no_clobber=no_clobber)
-
-
-def _move_trace(trace: tuple[str, str], result: Any, no_clobber: bool) -> None:
-    from mapcli.formats.trace import move_trace
-
-    content = move_trace(trace[0], result.motion)
-    write_bytes(trace[1], content, no_clobber=no_clobber)

@@ -239,7 +239,7 @@ def number_rows(grid: GridMap) -> Iterator[bytes]:
     table = np.array([f"{token:>{width}} ".encode() for token in tokens])
     for band in grid.bands():
         index = band.each(lambda cells: np.searchsorted(values, cells).clip(0, len(values) - 1))
-        body = table[index].view(np.uint8).reshape(band.rows, -1)
+        body = np.ascontiguousarray(table[index]).view(np.uint8).reshape(band.rows, -1)
         body[:, -1] = ord("\n")
         yield body.tobytes()
 
