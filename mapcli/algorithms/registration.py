@@ -205,7 +205,7 @@ def _polished(
 
     def moved(change: NDArray[np.float64]) -> Pose2D:
         x, y, turn = change * cell
-        about = Pose2D(centre[0], centre[1], turn / reach)
+        about = Pose2D(centre[0], centre[1], float(turn) / reach)
         return motion.compose(Pose2D(x, y)).compose(about).compose(Pose2D(-centre[0], -centre[1]))
 
     def misfit(change: NDArray[np.float64]) -> float:

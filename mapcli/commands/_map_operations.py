@@ -105,7 +105,7 @@ class Result:
         where = f"origin x {origin.x:g} m, y {origin.y:g} m, yaw {math.degrees(origin.theta):g} deg"
         stays = self.motion == Isometry()
         mirrored = "mirrored (y turned around), then " if self.motion.mirrored else ""
-        world = "stays where it was" if stays else f"{mirrored}{_words(self.motion.pose)}"
+        world = "stays where it was" if stays else f"{mirrored}{motion_words(self.motion.pose)}"
         return [*self.notes, ("map", f"{size}; {where}"), ("world", world)]
 
 
@@ -188,9 +188,7 @@ def _merge(result: Result, value: tuple[str, Pose2D | str | None], dialect: Dial
     else:
         found, _ = score(result.grid, other, how if isinstance(how, Pose2D) else Pose2D())
     overlap = found.overlap_m2
-    text = (
-        f"{file}: {_words(found.motion)}; score {found.score:.2f} over {overlap:.1f} square metres"
-    )
+    text = f"{file}: {motion_words(found.motion)}; score {found.score:.2f} over {overlap:.1f} square metres"
     facts = {"motion": _rounded(found.motion), "score": round(found.score, 4)}
     warnings = tuple(f"{file}: {warning}" for warning in loaded.warnings)
     result = replace(
@@ -249,6 +247,8 @@ def _rounded(pose: Pose2D) -> dict[str, float]:
     return {name: round(float(getattr(pose, name)), 9) + 0.0 for name in ("x", "y", "theta")}
 
 
-def _words(pose: Pose2D) -> str:
-    x, y, degrees = (round(v, 4) + 0.0 for v in (pose.x, pose.y, math.degrees(pose.theta)))
+def motion_words(pose: Pose2D) -> str:
+    """A motion for people: millimetres, hundredths of a degree."""
+    x, y = (round(float(v), 3) + 0.0 for v in (pose.x, pose.y))
+    degrees = round(math.degrees(pose.theta), 2) + 0.0
     return f"turned by {degrees:g} deg, moved by x {x:g} m, y {y:g} m"

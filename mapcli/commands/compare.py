@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
 import click
 
-from mapcli.commands._map_operations import hashing
+from mapcli.commands._map_operations import hashing, motion_words
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, Number, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs, write_bytes
@@ -131,9 +130,7 @@ def _lines(comparison: Comparison) -> list[tuple[str, str]]:
     facts, cells, pose = comparison.document(), comparison.cells, comparison.alignment
     lines = []
     if pose is not None:
-        x, y, turn = (round(v, 4) + 0.0 for v in (pose.x, pose.y, math.degrees(pose.theta)))
-        moved = f"B turned by {turn:g} deg, moved by x {x:g} m, y {y:g} m"
-        lines.append(("alignment", f"{moved}; score {comparison.score:.2f}"))
+        lines.append(("alignment", f"B {motion_words(pose)}; score {comparison.score:.2f}"))
     both, either = int(cells[:2, :2].sum()), int(cells.sum())
     lines += [
         ("agreement", f"{facts['agreement']:.1%} of {both:,} cells that both know"),
