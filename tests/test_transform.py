@@ -40,7 +40,7 @@ PERCENTS = hnp.arrays(
 )  # fmt: skip
 PLACES = st.builds(Pose2D, st.floats(-50, 50), st.floats(-50, 50), st.floats(-3, 3))
 MAPS = st.builds(
-    lambda cells, real, size, origin: GridMap(GridMap(cells).cells if real else cells, size, origin),
+    lambda cells, real, *place: GridMap(GridMap(cells).cells if real else cells, *place),
     PERCENTS, st.booleans(), st.sampled_from([0.05, 0.1, 1.0]), PLACES,
 )  # fmt: skip
 QUARTERS = st.sampled_from([-270, -180, -90, 0, 90, 180, 270, 360])
@@ -152,7 +152,7 @@ def test_resampling_keeps_walls_and_the_corner() -> None:
     assert (large.resolution, large.origin) == (1, grid.origin)
     small = resample(grid, 0.25)
     assert np.array_equal(small.cells, cells.repeat(2, axis=0).repeat(2, axis=1), equal_nan=True)
-    with pytest.raises(DataError, match="the result would have .* rows"):
+    with pytest.raises(DataError, match=r"the result would have .* rows"):
         resample(grid, 1e-6)
 
 

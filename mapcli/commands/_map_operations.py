@@ -45,12 +45,12 @@ class MergeType(click.ParamType[Any]):
     def convert(self, value: Any, param: Any, ctx: Any) -> tuple[str, Pose2D | str | None]:
         if isinstance(value, tuple):
             return value
-        file, at, motion = str(value).rpartition("@")
-        if not at:
-            return str(value), None
-        if motion == SEARCH:
+        file, _, motion = str(value).rpartition("@")
+        if file and motion == SEARCH:
             return file, SEARCH
-        return file, PoseType().convert(motion, param, ctx)
+        if file and "," in motion:
+            return file, PoseType().convert(motion, param, ctx)
+        return str(value), None
 
 
 MERGE = MergeType()
@@ -188,7 +188,8 @@ def _merge(result: Result, value: tuple[str, Pose2D | str | None], dialect: Dial
     else:
         found, _ = score(result.grid, other, how if isinstance(how, Pose2D) else Pose2D())
     overlap = found.overlap_m2
-    text = f"{file}: {motion_words(found.motion)}; score {found.score:.2f} over {overlap:.1f} square metres"
+    fit = f"score {found.score:.2f} over {overlap:.1f} square metres"
+    text = f"{file}: {motion_words(found.motion)}; {fit}"
     facts = {"motion": _rounded(found.motion), "score": round(found.score, 4)}
     warnings = tuple(f"{file}: {warning}" for warning in loaded.warnings)
     result = replace(
@@ -217,7 +218,7 @@ OPERATIONS: dict[str, Callable[[Result, Any, Dialect], Result]] = {
 
 
 def hashing(digests: dict[str, str]) -> Callable[[Path], bytes]:
-    """A reader of files that notes their SHA-256, by name; by folder too for the second of a name."""
+    """A reader of files that notes their SHA-256, by name; the second of a name by folder too."""
 
     def read(path: Path) -> bytes:
         data = read_file(path)
