@@ -225,5 +225,12 @@ def test_nothing_to_register() -> None:
         register(room(), GridMap(np.zeros((5, 5))))
 
 
+def test_maps_that_do_not_fit() -> None:
+    dots = np.zeros((180, 240), dtype=np.uint8)
+    dots[::7, ::7] = 100
+    with pytest.raises(DataError, match="no place was found where one map fits the other"):
+        register(room(), GridMap(dots, 0.05))
+
+
 def test_sampling_elsewhere_is_unknown() -> None:
     assert not sampled(room(), Pose2D(100, 100), 1.0, 2, 2).known.any()

@@ -33,6 +33,10 @@ _POLISHING_POINTS = 4_000
 _NEAR_CELLS = 1.5
 """A wall cell meets a wall of the other map within so many cells."""
 
+_MISS = 0.5
+"""What a wall cell counts against a place, where the other map knows that there is no wall; one
+that lies right on a wall counts 1 for it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Registration:
@@ -67,8 +71,11 @@ def register(a: GridMap, b: GridMap, low: float = OCCUPIED_FROM) -> Registration
         found, evidence = score(a, b, motion, low)
         if evidence > most:
             best, most = found, evidence
-    if best is None or best.overlap_m2 == 0:
-        raise DataError("the maps have nothing in common", expected="maps that overlap")
+    if best is None or best.overlap_m2 == 0 or most <= 0:
+        raise DataError(
+            "no place was found where one map fits the other",
+            expected="maps that overlap by a quarter or more, with walls in it",
+        )
     polished, evidence = score(a, b, _polished(best.motion, walls_a, walls_b, cell), low)
     return polished if evidence >= most else best
 
@@ -86,10 +93,11 @@ def score(
         weight = len(everything) / max(len(walls), 1) * mine.resolution**2
         distance = _distances(walls, targets, near)
         meets = np.isfinite(distance)
-        counts = weight * int((meets | _knows(other, walls)).sum())
+        misses = ~meets & _knows(other, walls)
         met += weight * int(meets.sum())
-        compared += counts
-        evidence += 2 * weight * float((1 - (distance[meets] / near) ** 2).sum()) - counts
+        compared += weight * int((meets | misses).sum())
+        closeness = float((1 - (distance[meets] / near) ** 2).sum())
+        evidence += weight * (closeness - _MISS * int(misses.sum()))
     share = met / compared if compared else 0.0
     return Registration(motion, share, _overlap(a, moved)), evidence
 

@@ -20,6 +20,9 @@ from mapcli.model.pose import Pose2D
 
 SEARCH = "search"
 
+DOUBTFUL = 0.6
+"""Maps of different places were seen to reach a score of 0.5."""
+
 
 class Crop(NumberList):
     """`known`, or a box in metres."""
@@ -192,6 +195,8 @@ def _merge(result: Result, value: tuple[str, Pose2D | str | None], dialect: Dial
     text = f"{file}: {motion_words(found.motion)}; {fit}"
     facts = {"motion": _rounded(found.motion), "score": round(found.score, 4)}
     warnings = tuple(f"{file}: {warning}" for warning in loaded.warnings)
+    if how == SEARCH and found.score < DOUBTFUL:
+        warnings += (f"{file}: fits with a score of only {found.score:.2f}; look at the result",)
     result = replace(
         result,
         grid=merge(result.grid, move(crop_to_known(other), found.motion)[0]),
