@@ -27,6 +27,7 @@ RUNS = (
     "convert big.yaml plain.pgm --plain",
     "convert plain.pgm again.yaml",
     "convert big.yaml cells.txt",
+    "convert cells.txt again.yaml",
     "transform big.yaml known.yaml --crop known",
     "transform big.yaml box.yaml --crop -100,-100,300,300",
     "transform big.yaml turned.yaml --rotate 90",

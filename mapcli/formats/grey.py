@@ -123,19 +123,22 @@ class GreyRule:
             raise DataError("free_thresh or occupied_thresh is not finite", expected="numbers")
 
 
-def refuse_size(rows: int, columns: int, held: int, file: str) -> None:
+def refuse_size(
+    rows: int, columns: int, file: str, *, limit: int = MAX_CELLS, held: int | None = None
+) -> None:
     """Refuse an image before memory is taken for it.
 
     Args:
+        limit: of pixels.
         held: pixels that the file can hold at most, by its length.
 
     Raises:
-        FormatError: more pixels than MAX_CELLS, or than the file can hold.
+        FormatError: more pixels than either.
     """
     size = f"{columns} columns and {rows} rows"
-    if rows * columns > MAX_CELLS:
-        raise FormatError(f"claims {size}", file=file, expected=f"at most {MAX_CELLS:,} pixels")
-    if rows * columns > held:
+    if rows * columns > limit:
+        raise FormatError(f"claims {size}", file=file, expected=f"at most {limit:,} pixels")
+    if held is not None and rows * columns > held:
         expected = f"at most {held:,} pixels in a file of this length; it is cut short or damaged"
         raise FormatError(f"claims {size}", file=file, expected=expected)
 

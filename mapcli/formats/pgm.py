@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.errors import FormatError
-from mapcli.formats.grey import MAX_CELLS, NOTE_TITLE, GreyImage, MapImage, refuse_size
+from mapcli.formats.grey import NOTE_TITLE, GreyImage, MapImage, refuse_size
 from mapcli.model.grid import bands
 from mapcli.model.log import counted
 
@@ -82,7 +82,7 @@ def _header(data: bytes, file: str) -> tuple[int, int, int, int]:
         values.append(int(match[1]))
         end = match.end()
     columns, rows, maxval = values
-    refuse_size(rows, columns, MAX_CELLS, file)
+    refuse_size(rows, columns, file)
     if not (0 < maxval < 65536 and columns and rows):
         raise FormatError(
             f"{columns} columns, {rows} rows, maxval {maxval}",

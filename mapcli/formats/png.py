@@ -50,7 +50,7 @@ def read_png(data: bytes, file: str) -> MapImage:
         # Not Image.open: its guard against huge images is meant for web servers, and ours is above.
         image = PngImagePlugin.PngImageFile(io.BytesIO(data))
         if image.mode not in _ROOMY_MODES:
-            refuse_size(image.height, image.width, MAX_CELLS // 2, file)
+            refuse_size(image.height, image.width, file, limit=MAX_CELLS // 2)
         image.load()
         note = str(image.text.get(NOTE_TITLE, ""))
     except _BROKEN as error:
@@ -75,10 +75,8 @@ def _refuse_absurd(data: bytes, file: str) -> None:
     columns, rows, depth, colour = struct.unpack(">IIBB", data[16:26])
     bits = columns * depth * _CHANNELS.get(colour, 1)
     unpacked = rows * ((bits + 7) // 8 + 1)
-    held = rows * columns if unpacked <= len(data) * _DEFLATE_AT_MOST else (
-        len(data) * _DEFLATE_AT_MOST * columns * rows // unpacked
-    )  # fmt: skip
-    refuse_size(rows, columns, held, file)
+    share = min(len(data) * _DEFLATE_AT_MOST / unpacked, 1.0) if unpacked else 1.0
+    refuse_size(rows, columns, file, held=int(rows * columns * share))
 
 
 def _pixels(part: Image.Image, image: Image.Image, clear: bool) -> GreyImage:

@@ -17,15 +17,16 @@ between two words; else it is in the character form. There a line made of nothin
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Iterator
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.errors import DataError, FormatError
-from mapcli.model.grid import GridMap
+from mapcli.model.grid import PROBABILITIES, UNKNOWN_PERCENT, GridMap
 from mapcli.model.pose import Pose2D
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -58,12 +59,10 @@ def read_text(data: bytes, file: str) -> tuple[GridMap, str]:
     Raises:
         FormatError: naming the line: ragged rows, a bad cell, a bad header, no rows.
     """
-    text = data.decode("utf-8-sig", "replace").replace("\r\n", "\n").replace("\r", "\n")
-    lines = text.split("\n")
-    numbers = any(map(_has_numbers, lines))
+    numbers = any(map(_has_numbers, _lines(data)))
     rows = TextRows(file, limit=len(data))
     place: dict[str, list[float]] = {}
-    for count, line in enumerate(lines, start=1):
+    for count, line in enumerate(_lines(data), start=1):
         content = _bare(line) if numbers else _character_line(line)
         header = _HEADER.fullmatch(content) if ":" in content else None
         if header:
@@ -73,6 +72,13 @@ def read_text(data: bytes, file: str) -> tuple[GridMap, str]:
         elif content:
             rows.add_characters(content, f"line {count}")
     return rows.grid(place), "numbers" if numbers else "characters"
+
+
+def _lines(data: bytes) -> Iterator[str]:
+    """One at a time: the text of a large map is large."""
+    data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
+    for count, line in enumerate(io.BytesIO(data)):
+        yield line.decode("utf-8" if count else "utf-8-sig", "replace").removesuffix("\n")
 
 
 def _has_numbers(line: str) -> bool:
@@ -125,7 +131,8 @@ class TextRows:
         self.limit = limit
         self.count = 0
         self.tokens = CellTokens()
-        self.rows: list[NDArray[np.float32]] = []
+        self.rows: list[NDArray[Any]] = []
+        self.percents = True
         self.first_place = ""
 
     def add_characters(self, content: str, place: str) -> None:
@@ -167,6 +174,18 @@ class TextRows:
                 where=place,
                 expected="every cell written out",
             )
+        self._keep(row)
+
+    def _keep(self, row: NDArray[np.float32]) -> None:
+        """As percents, a byte a cell, as long as all cells are whole percents."""
+        if self.percents:
+            percents = np.rint(row * np.float32(100))
+            if np.array_equal(percents / np.float32(100), row, equal_nan=True):
+                unknown = np.float32(UNKNOWN_PERCENT)
+                self.rows.append(np.where(np.isnan(row), unknown, percents).astype(np.uint8))
+                return
+            self.percents = False
+            self.rows = [PROBABILITIES[earlier] for earlier in self.rows]
         self.rows.append(row)
 
     def _fail(self, words: list[str], token: str, place: str) -> NoReturn:
