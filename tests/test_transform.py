@@ -181,9 +181,8 @@ def test_merging_on_the_same_cells(grid: GridMap, up: int, right: int, real: boo
     mine, yours = looked_up(grid, points), looked_up(other, points)
     expected = np.fmax(np.where(mine == -1, np.nan, mine), np.where(yours == -1, np.nan, yours))
     assert np.array_equal(both.cells.ravel(), expected, equal_nan=True)
-    assert {both.rows, both.columns} >= {max(both.rows, grid.rows)}
     assert not (looked_up(both, centres(grid)) == -1).any()
-    assert not (looked_up(both, centres(other)) == -1).any()
+    assert not (looked_up(both, centres(other))[other.known.ravel()] == -1).any()
 
 
 def room() -> GridMap:
@@ -199,7 +198,7 @@ def room() -> GridMap:
 @pytest.mark.parametrize("degrees", [-44.0, -20.0, -3.3, 0.0, 7.25, 30.0])
 def test_direction_of_walls(degrees: float) -> None:
     turned, _ = rotate(room(), math.radians(degrees))
-    assert math.degrees(wall_direction(turned)) == pytest.approx(degrees, abs=0.15)
+    assert math.degrees(wall_direction(turned)) == pytest.approx(degrees, abs=0.1)
 
 
 def test_no_walls_no_direction() -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mapcli.algorithms.transform import bake, move
 from mapcli.cli import main
 from mapcli.formats.maps import dump_map, load_map
 from mapcli.formats.trace import load_trace_poses
@@ -120,6 +121,27 @@ def test_merge_by_origin_by_motion_and_to_json(capsys: pytest.CaptureFixture[str
     assert content["columns"] == 8
     assert transform("m.yaml", "b.yaml", "--merge", "a.yaml", "-q") == 0
     assert np.array_equal(load_map("b.yaml").grid.cells, both.cells, equal_nan=True)
+
+
+def test_align_and_merge_by_search(capsys: pytest.CaptureFixture[str]) -> None:
+    cells = np.zeros((90, 120), dtype=np.uint8)
+    cells[[0, -1]], cells[:, [0, -1]], cells[30, :70], cells[50:, 80] = 100, 100, 100, 100
+    grid = GridMap(cells, 0.1)
+    turned = bake(move(grid, Pose2D(2, 1, 0.3))[0])
+    for name, made in (("straight.yaml", grid), ("turned.yaml", turned)):
+        for file, data in dump_map(made, name).items():
+            Path(file).write_bytes(data)
+    trace()
+    aligned = ("--align", "--crop", "known", "--trace", "t.json", "n.json", "--json", "a.json")
+    assert transform("turned.yaml", "a.yaml", *aligned) == 0
+    assert capsys.readouterr().out.startswith("     align  walls at 17.")
+    world = json.loads(Path("a.json").read_text())["world"]
+    assert world["theta"] == pytest.approx(-0.3, abs=0.003)
+    assert load_trace_poses("n.json").poses[0, 2] == pytest.approx(world["theta"], abs=1e-6)
+    assert transform("straight.yaml", "m.yaml", "--merge", "turned.yaml@search", "-q") == 0
+    both = load_map("m.yaml").grid
+    assert abs(both.rows - 90) <= 4
+    assert abs(both.columns - 120) <= 4
 
 
 def test_graded_images_stay_graded() -> None:

@@ -172,7 +172,7 @@ def sampled(grid: GridMap, origin: Pose2D, resolution: float, rows: int, columns
 
 
 def merge(grid: GridMap, other: GridMap) -> GridMap:
-    """Both maps in one, on the first one's cells, which go on as far as the other reaches.
+    """Both maps in one, on the first one's cells, which go on as far as the other knows something.
 
     Where both know a cell the higher probability counts, so that walls stay. The world stays.
     """
@@ -182,7 +182,18 @@ def merge(grid: GridMap, other: GridMap) -> GridMap:
     mine, yours = _alike(sampled(grid, *frame).stored, sampled(other, *frame).stored)
     for rows in bands(*mine.shape):
         yours[rows] = _higher(mine[rows], yours[rows])
-    return _placed(yours, grid.resolution, frame[0])
+    both = _placed(yours, grid.resolution, frame[0])
+    return _without_margin(both, grid)
+
+
+def _without_margin(both: GridMap, grid: GridMap) -> GridMap:
+    """The part with known cells or with `grid`, whose cells are among those of `both`: a map that
+    was turned has empty corners."""
+    known = both.known
+    ((top, left),) = both.cells_of_world(grid.world_of_cells([0], [0]))
+    known[top, left] = known[top + grid.rows - 1, left + grid.columns - 1] = True
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    return both.part(int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1)
 
 
 def joint_frame(grid: GridMap, other: GridMap) -> tuple[Pose2D, float, int, int]:

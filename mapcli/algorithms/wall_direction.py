@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,14 @@ _MOST_CELLS = 40_000
 
 _FEWEST_CELLS = 10
 
-_STEPS_DEG = (0.5, 0.05, 0.005)
+_STEPS_DEG = (0.5, 0.1)
 """Angles are tried at the first step over a quarter turn, then finer around the best."""
+
+_FITS = 4
+_LINES = 30
+_LINE_REACH = 2.5
+"""Then straight lines are fitted, so often, to so many of the fullest stripes along either axis,
+and to what lies within so many cells of them."""
 
 
 def wall_points(grid: GridMap, low: float = OCCUPIED_FROM) -> NDArray[np.float64]:
@@ -41,8 +48,10 @@ def _numbered(grid: GridMap) -> list[tuple[int, GridMap]]:
 def wall_direction(grid: GridMap, low: float = OCCUPIED_FROM) -> float:
     """The angle, radians from -pi/4 to pi/4, by which walls are turned against the world's axes.
 
-    At that angle the walls, seen along themselves, fall into the fewest and fullest lines: the sum
-    of the squares of the counts in stripes one cell wide, along both axes, is largest.
+    At about that angle the walls, seen along themselves, fall into the fewest and fullest lines:
+    the sum of the squares of the counts in stripes one cell wide, along both axes, is largest.
+    What the longest of these lines lean by is the rest. A map whose outermost wall would not move
+    by half a cell is not turned at all.
 
     Raises:
         DataError: hardly any walls.
@@ -53,12 +62,19 @@ def wall_direction(grid: GridMap, low: float = OCCUPIED_FROM) -> float:
             f"the map has {len(points)} occupied cells", expected="walls, to find their direction"
         )
     points = points[:: -(-len(points) // _MOST_CELLS)] - points.mean(axis=0)
+    points = points / grid.resolution
     best, reach = 0.0, 45.0
     for step in _STEPS_DEG:
         tries = best + np.arange(-round(reach / step), round(reach / step) + 1) * step
-        scores = [_sharpness(points / grid.resolution, math.radians(angle)) for angle in tries]
+        scores = [_sharpness(points, math.radians(angle)) for angle in tries]
         best, reach = float(tries[_middle_of_best(np.array(scores))]), 2 * step
-    return math.radians((best + 45.0) % 90.0 - 45.0)
+    angle = math.radians(best)
+    for _ in range(_FITS):
+        angle += _lean(points, angle)
+    quarter = math.pi / 2
+    lean = (angle + quarter / 2) % quarter - quarter / 2
+    reach = float(np.hypot(*points.T).max())
+    return 0.0 if abs(lean) * reach < 0.5 else lean
 
 
 def _middle_of_best(scores: NDArray[np.float64]) -> int:
@@ -67,10 +83,39 @@ def _middle_of_best(scores: NDArray[np.float64]) -> int:
     return int(best[len(best) // 2])
 
 
-def _sharpness(points: NDArray[np.float64], angle: float) -> float:
+def _turned(points: NDArray[np.float64], angle: float) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The points as seen along axes turned by `angle`."""
     cos, sin = math.cos(angle), math.sin(angle)
     x, y = points.T
-    return _fullness(cos * x + sin * y) + _fullness(cos * y - sin * x)
+    return cos * x + sin * y, cos * y - sin * x
+
+
+def _lean(points: NDArray[np.float64], angle: float) -> float:
+    """By how much the fullest lines along axes turned by `angle` lean against these, radians."""
+    x, y = _turned(points, angle)
+    moments = np.sum([_moments(x, y), _moments(y, -x)], axis=0)
+    return math.atan2(moments[0], moments[1])
+
+
+def _moments(along: NDArray[np.float64], across: NDArray[np.float64]) -> tuple[float, float]:
+    """Sums over lines of along * across and of along ** 2, each about the line's middle."""
+    product = square = 0.0
+    left = np.ones(len(across), dtype=np.bool_)
+    stripe = np.rint(across - across.min()).astype(np.int64)
+    for _ in range(_LINES):
+        counts = np.bincount(stripe[left], minlength=1)
+        if counts.max() < _FEWEST_CELLS:
+            break
+        line = left & (np.abs(stripe - int(np.argmax(counts))) <= _LINE_REACH)
+        a, b = along[line] - along[line].mean(), across[line] - across[line].mean()
+        product += float((a * b).sum())
+        square += float((a * a).sum())
+        left &= ~line
+    return product, square
+
+
+def _sharpness(points: NDArray[np.float64], angle: float) -> float:
+    return sum(_fullness(places) for places in _turned(points, angle))
 
 
 def _fullness(places: NDArray[np.float64]) -> float:
