@@ -447,9 +447,7 @@ def test_a_beam_through_a_bridge_undoes_it() -> None:
     bridge_walls(fields, LEVEL_WIDTHS, UNKNOWN, row, BUMP)
     log_odds, changed = UNKNOWN.copy(), np.empty((100, 2), np.int32)
     through = np.array([(32.5, 50.5)])
-    count = integrate_beams(
-        log_odds, fields[0], np.array([32.5, 35.5]), through, 0, RULES, changed
-    )
+    count = integrate_beams(log_odds, fields[0], np.array([32.5, 35.5]), through, 0, RULES, changed)
     assert changed[:count].tolist() == [[40, 32]]
     update_field(fields, LEVEL_WIDTHS, log_odds, changed[:count], BUMP)
     assert fields[0, 40, 32] == 0
