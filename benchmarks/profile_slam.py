@@ -130,7 +130,9 @@ class Profile:
     @staticmethod
     def _write(replay: Replay, outputs: ReplayOutputs) -> None:
         head = {"inputs": replay.log.digests(), "parameters": replay.effective_parameters()}
-        write_outputs(outputs, replay.grid(), replay.trace(), head, replay.summary(), no_clobber=False)
+        write_outputs(
+            outputs, replay.grid(), replay.trace(), head, replay.summary(), no_clobber=False
+        )
 
     def stage_row(self, name: str) -> str:
         """Seconds per stage, and all together."""
