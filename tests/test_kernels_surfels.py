@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from itertools import pairwise
 from math import cos, floor, pi, radians, sin
 
 import numpy as np
@@ -373,7 +374,7 @@ def room(step: float, start: float) -> Floats:
     """Points every `step` along the walls of 6.1 m by 4.3 m and of a pillar, turned by 0.3."""
     boxes = [(-3.02, -2.07, 3.08, 2.23), (0.61, 0.44, 1.12, 0.93)]
     corners = [[(a, b), (c, b), (c, d), (a, d), (a, b)] for a, b, c, d in boxes]
-    walls = [np.array(ends) for box in corners for ends in zip(box, box[1:], strict=False)]
+    walls = [np.array(ends) for box in corners for ends in pairwise(box)]
     parts = []
     for one, other in walls:
         length = np.hypot(*(other - one))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -26,9 +26,7 @@ def wall(start: tuple[float, float], end: tuple[float, float], step: float = 0.0
 def room(step: float = 0.021) -> Floats:
     """6.1 m by 4.3 m around the origin."""
     corners = [(-3.02, -2.07), (3.08, -2.07), (3.08, 2.23), (-3.02, 2.23), (-3.02, -2.07)]
-    pairs: Iterable[tuple[tuple[float, float], tuple[float, float]]]
-    pairs = zip(corners, corners[1:], strict=False)
-    return np.concatenate([wall(a, b, step) for a, b in pairs])
+    return np.concatenate([wall(a, b, step) for a, b in pairwise(corners)])
 
 
 def corridor(heading: float, width: float = 2.0) -> Floats:
