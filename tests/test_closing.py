@@ -30,9 +30,11 @@ from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan
 from mapcli.model.trace import TracedPose
 
+ORIGIN = Pose2D()
+
 
 @cache
-def ring_track(drift: float, start: Pose2D = Pose2D()) -> tuple[Track, list[Pose2D]]:
+def ring_track(drift: float, start: Pose2D = ORIGIN) -> tuple[Track, list[Pose2D]]:
     """A track of a lap and a half that drifts by so many degrees per metre; the true poses."""
     world, true = ring(), laps(52)
     seen = [see(world, pose) for pose in true]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -23,6 +24,7 @@ from mapcli.algorithms.keyframes import Keyframe
 from mapcli.algorithms.loops import LoopCloser, LoopParameters
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.pose_graph import Edge
+from mapcli.algorithms.stretch_match import StretchMatch
 from mapcli.model.pose import Pose2D
 
 USUAL = LoopParameters()
@@ -198,6 +200,39 @@ def test_the_less_is_known_the_farther_is_looked() -> None:
 
     assert candidates(np.diag([0.01**2, 0.01**2, 0.001**2])) == []
     assert candidates(np.diag([1.0, 1.0, 0.001**2])) == [0]
+
+
+# --- what a match must be
+
+
+GOOD = StretchMatch(Pose2D(1.0), TIGHT, score=0.9, overlap=0.9, at_edge=False)
+VAGUE_AHEAD, VAGUE = np.diag([2.0, 0.03, 0.005]) ** 2, np.diag([2.0, 1.0, 0.005]) ** 2
+
+
+@pytest.mark.parametrize(
+    ("match", "good"),
+    [
+        (GOOD, True),
+        (replace(GOOD, score=0.45), False),
+        (replace(GOOD, overlap=0.35), False),
+        (replace(GOOD, at_edge=True), False),
+        (replace(GOOD, covariance=VAGUE_AHEAD), True),  # a corridor: it knows the way across
+        (replace(GOOD, covariance=VAGUE), False),
+        (None, False),
+    ],
+    ids=["good", "fits badly", "elsewhere", "at the edge", "vague ahead", "vague", "none"],
+)
+def test_only_good_matches_wait(
+    ring_closer: LoopCloser,
+    match: StretchMatch | None,
+    good: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(ring_closer.matcher, "match", lambda *asked: match)
+    ring_closer.compare(0, 7, ring_closer.graph.ways_from(7)[0])
+    assert [(e.from_, e.to, e.measured) for e, _ in ring_closer.pending] == [
+        (0, 7, Pose2D(1.0))
+    ] * good
 
 
 # --- agreement
