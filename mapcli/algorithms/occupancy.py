@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms._kernels.mapping import integrate_beams, update_field
+from mapcli.algorithms._kernels.mapping import bridge_walls, integrate_beams, update_field
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.surfels import SurfelMap
 from mapcli.errors import DataError
@@ -25,6 +25,13 @@ from mapcli.model.pose import Pose2D, wrap_angle
 
 LOG_ODDS_UNIT = 1 / 17
 """One count of log-odds: a pass gives p = 0.19 of an obstacle, a hit p = 0.993."""
+
+
+def units_of(probability: float) -> int:
+    """Log-odds of an obstacle, in counts, after one observation of a cell; never 0."""
+    counts = round(math.log(probability / (1 - probability)) / LOG_ODDS_UNIT)
+    return counts or (1 if probability > 0.5 else -1)
+
 
 LEVEL_WIDTHS = np.array([1, 2, 4, 16], dtype=np.int64)
 """Cells a side that one value of each level of the field bounds."""
@@ -202,10 +209,17 @@ class OccupancyGrid:
         if len(self._changed) < needed:
             self._changed = np.empty((2 * needed, 2), dtype=np.int32)
         count = integrate_beams(
-            self.log_odds, laser, ends, hits, (p.hit, p.miss, p.highest, p.lowest), self._changed
+            self.log_odds,
+            self.fields[0],
+            laser,
+            ends,
+            hits,
+            (p.hit, p.miss, p.highest, p.lowest),
+            self._changed,
         )
         changed = self._changed[:count]
         update_field(self.fields, LEVEL_WIDTHS, self.log_odds, changed, self._bump)
+        bridge_walls(self.fields, LEVEL_WIDTHS, self.log_odds, ends[:hits], self._bump)
 
     def to_grid_map(self) -> GridMap:
         """The obstacle probabilities, cropped to what is known and two cells around it."""

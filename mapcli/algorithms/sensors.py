@@ -149,6 +149,8 @@ class LaserModel:
 
     @property
     def angle_min(self) -> float:
+        if self.beams == 1:
+            return 0.0  # the middle of its field
         return -math.radians(self.fov_deg) / 2
 
     @property

@@ -120,7 +120,7 @@ class Slam:
         """What the match tells about scores and wheels."""
         if match.found:
             self._usual_score += SCORE_MEMORY * (match.score - self._usual_score)
-            self.odometry.learn(before.between(match.pose), match.covariance)
+            self.odometry.learn(before.between(match.pose), match.information)
 
     def _record(self, perception: Perception, pose: Pose2D, match: Match, *, in_map: bool) -> None:
         """Keep what is needed when the log has ended."""
@@ -128,7 +128,7 @@ class Slam:
             return
         self.track.add(pose, thinned(perception.hits, self.parameters.map.resolution))
         if in_map:
-            self.track.add_keyframe(perception, match.covariance, self.parameters.odometry)
+            self.track.add_keyframe(perception, match.information, self.parameters.odometry)
 
     @property
     def stretches(self) -> int:

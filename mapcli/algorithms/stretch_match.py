@@ -19,6 +19,8 @@ from mapcli.algorithms._kernels.ambiguity import fits
 from mapcli.algorithms.keyframes import Keyframe, around
 from mapcli.algorithms.matching import thinned
 from mapcli.algorithms.occupancy import LEVEL_WIDTHS, MapParameters, OccupancyGrid
+from mapcli.algorithms.perception import Perception
+from mapcli.algorithms.surfels import covariance_of
 from mapcli.model.pose import Pose2D
 
 TURN_STEP = math.radians(0.5)
@@ -33,6 +35,7 @@ class StretchParameters:
 
     Attributes:
         points_m, map_m: metres before and after an anchor whose points, or whose map, are taken.
+        farthest: metres from the robot to what counts.
         apart_m, apart_deg: keyframes nearer to the last one taken than both are left out.
         search_cell, cell: metres between points that are searched for, and that are fitted.
         prior: the most that a pose loses by being unlikely, as a share of a perfect score.
@@ -45,6 +48,7 @@ class StretchParameters:
 
     points_m: float = 5.0
     map_m: float = 10.0
+    farthest: float = 25.0
     apart_m: float = 0.5
     apart_deg: float = 30.0
     search_cell: float = 0.2
@@ -116,7 +120,7 @@ class StretchMatcher:
         cells = thinned(points, self.parameters.search_cell) / cell
         du, dv, turn, _, _ = kernels.search(
             grid.fields, LEVEL_WIDTHS, cells, start, (reach, turns), (1, TURN_STEP),
-            self._prior(len(cells), deviations), 2 if reach < 32 else 3,
+            self._prior(len(cells), deviations), 2 if reach < 8 else 3,
         )  # fmt: skip
         best = start + np.array([du, dv, turn * TURN_STEP])
         fit = grid.walls.fit(points, grid.pose_from_cells(best))
@@ -126,14 +130,16 @@ class StretchMatcher:
         at_edge = max(abs(du), abs(dv)) >= reach - EDGE or abs(turn) >= turns - EDGE
         centre = np.array([start[0] - best[0], start[1] - best[1]]).round()
         doubt = self._doubt(grid, cells, best, centre, reach)
-        covariance = fit.covariance() + self._floor() + turned(doubt, -fit.pose.theta)
+        covariance = (
+            covariance_of(fit.in_own_frame()) + self._floor() + turned(doubt, -fit.pose.theta)
+        )
         return StretchMatch(fit.pose, covariance, score, known / len(cells), at_edge)
 
     def points(self, anchor: int) -> NDArray[np.float64]:
         """What was seen around a keyframe, shape (n, 2), in its frame."""
         p, origin = self.parameters, self.keyframes[anchor].pose
         seen = [
-            origin.between(self.keyframes[k].pose).apply(self.keyframes[k].perception.hits)
+            origin.between(self.keyframes[k].pose).apply(self._near(k).hits)
             for k in self._some(anchor, p.points_m)
         ]
         return thinned(np.concatenate(seen), p.cell)
@@ -145,12 +151,17 @@ class StretchMatcher:
             return self._maps[anchor]
         grid, origin = OccupancyGrid(self.map), self.keyframes[anchor].pose
         for k in self._some(anchor, self.parameters.map_m):
-            keyframe = self.keyframes[k]
-            grid.integrate(origin.between(keyframe.pose), keyframe.perception)
+            grid.integrate(origin.between(self.keyframes[k].pose), self._near(k))
         self._maps[anchor] = grid
         if len(self._maps) > self.parameters.maps:
             self._maps.popitem(last=False)
         return grid
+
+    def _near(self, keyframe: int) -> Perception:
+        """What a keyframe saw near the robot; what is far away makes maps large for little."""
+        seen, farthest = self.keyframes[keyframe].perception, self.parameters.farthest
+        hits = seen.hits[(seen.hits**2).sum(axis=1) <= farthest**2]
+        return Perception(hits, np.empty((0, 2)), seen.laser)
 
     def _some(self, anchor: int, metres: float) -> list[int]:
         """Keyframes around an anchor, as many as it takes to see everything there."""

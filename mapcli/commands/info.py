@@ -10,7 +10,7 @@ from typing import Any, cast
 import click
 
 from mapcli.commands._map_options import dialect_option
-from mapcli.commands._options import FILE, common_options, no_clobber_option
+from mapcli.commands._options import FILE, POINT, common_options, no_clobber_option
 from mapcli.commands._output import write_bytes
 
 LOG_SUFFIXES = (".mcap", ".log", ".clf", ".gz", ".bag", ".db3")
@@ -22,14 +22,16 @@ LOG_STARTS = (b"\x89MCAP", b"\x1f\x8b", b"#ROSBAG", b"SQLite format 3")
 @click.option(
     "--json", "json_file", metavar="F", type=FILE, help="Write it as JSON; - is standard output."
 )
+@click.option("--at", type=POINT, multiple=True, help="What lies at a point of a map? Repeatable.")
 @dialect_option
 @no_clobber_option
 @common_options
 def command(
-    files: tuple[str, ...], json_file: str | None, dialect: Any, no_clobber: bool,
-    quiet: bool, verbose: bool,
+    files: tuple[str, ...], json_file: str | None, at: tuple[tuple[float, float], ...],
+    dialect: Any, no_clobber: bool, quiet: bool, verbose: bool,
 ) -> None:  # fmt: skip
-    """Say what is in a map (size, place, cells, warnings) or a log (topics, times, check-up).
+    """Say what is in a map (size, place, cells, warnings; polygons) or a log (topics, times,
+    check-up).
 
     Of several files, JSON is a list with one document for each.
 
@@ -37,9 +39,10 @@ def command(
     Examples:
       mapcli info map.yaml
       mapcli info robot.mcap
+      mapcli info fixtures/fig9_1.yaml --at 5.5,6
       mapcli info map.yaml --json - | jq .cells
     """
-    reports = [_report(file, dialect, verbose=verbose) for file in files]
+    reports = [_report(file, dialect, at, verbose=verbose) for file in files]
     if not quiet and json_file != "-":
         click.echo("\n\n".join(text for text, _ in reports))
     if json_file is not None:
@@ -50,15 +53,32 @@ def command(
         write_bytes(json_file, content, no_clobber=no_clobber)
 
 
-def _report(file: str, dialect: Any, *, verbose: bool) -> tuple[str, dict[str, Any]]:
+def _report(
+    file: str, dialect: Any, at: tuple[tuple[float, float], ...], *, verbose: bool
+) -> tuple[str, dict[str, Any]]:
     """What to print about a file, and the same as a document."""
     if _is_log(file):
+        if at:
+            raise click.UsageError(f"--at is for maps, and {file} is a log.")
         from mapcli.commands._log_report import log_report
 
         return log_report(file, verbose=verbose)
+    if _is_continuous(file):
+        from mapcli.commands._world_report import world_report
+
+        return world_report(file, at)
     from mapcli.commands._map_report import map_report
 
-    return map_report(file, dialect)
+    return map_report(file, dialect, at)
+
+
+def _is_continuous(file: str) -> bool:
+    """Whether a map is polygons and points, not cells."""
+    if Path(file).suffix.lower() in (".txt", ".pgm", ".png"):
+        return False
+    from mapcli.commands._world_report import looks_continuous
+
+    return looks_continuous(_first_bytes(file))
 
 
 def _is_log(file: str) -> bool:

@@ -12,6 +12,7 @@ import click
 from mapcli.algorithms.drive import MotionLimits, plan_drive
 from mapcli.algorithms.sensors import FAULT_KINDS, Fault, LaserModel, OdometryModel
 from mapcli.algorithms.simulate import ROBOT_RADIUS, Simulation, check_clearance
+from mapcli.commands._mowing import mow_lawn, mow_options
 from mapcli.commands._options import (
     FILE,
     POSE,
@@ -53,8 +54,8 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 
 @click.command()
 @click.argument("world", metavar="WORLD", type=FILE)
-@click.argument("out", metavar="OUT.mcap", type=FILE)
-@click.option("--path", metavar="FILE", type=FILE, required=True, help="Waypoints to drive along.")
+@click.argument("out", metavar="[OUT.mcap]", type=FILE, required=False)
+@click.option("--path", metavar="FILE", type=FILE, help="Waypoints to drive along.")
 @_option("--seed", 0, "Of the noise; 0 is a seed like any other.", type=click.IntRange(0))
 @_option("--speed", LIMITS.speed, "Metres per second, at most.")
 @_option("--acceleration", LIMITS.acceleration, "Metres per second squared, at most.")
@@ -90,11 +91,13 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 @_option("--range-noise", LASER.noise, "Standard deviation of a range, metres.")
 @_option("--dropout", LASER.dropout, "Share of the beams that read NaN.")
 @_option("--laser-pose", "0,0,0", "Where the laser sits on the robot.", type=POSE)
+@mow_options
 @no_clobber_option
 @common_options
 def command(
-    world: str, out: str, path: str, robot_radius: float, quiet: bool, verbose: bool, **given: Any
-) -> None:
+    world: str, out: str | None, path: str | None, mow: bool, robot_radius: float, quiet: bool,
+    verbose: bool, **given: Any,
+) -> None:  # fmt: skip
     """Drive a simulated robot through WORLD and write its log: odometry with noise (/odom), laser
     scans (/scan) and the true poses (/ground_truth).
 
@@ -103,21 +106,33 @@ def command(
     waypoint a line, `X Y [back] [speed=M/S] [pause=S]`, the first is the start; `back` drives
     there in reverse. The same input, options and seed give the same bytes.
 
+    With --mow, WORLD is a lawn: one polygon, and a point if the charging station is not where the
+    first lane begins. The mower steers by its odometry, and by landmarks that it recognises when
+    its floor sensor comes upon them; the report says how far from the station it ends, how
+    consistently, and how large landmarks must be. OUT.mcap may be left out; it gets odometry and
+    true poses of the first run (with landmarks if there are any). Obstacles, the laser and faults
+    play no part then, nor the limits of acceleration.
+
     \b
     Examples:
       mapcli simulate fixtures/corridor.yaml --path fixtures/corridor-path.txt corridor.mcap
       mapcli simulate fixtures/apartment.yaml --path fixtures/apartment-path.txt \\
           --seed 7 --odom-fault reverse-sign@12-17 --range-max 8 apartment.mcap
+      mapcli simulate fixtures/lawn.yaml --mow --landmarks 16 --png mowers.png
     """
     from mapcli.formats.waypoints import load_waypoints
     from mapcli.formats.world import load_world
 
-    if world == path == "-":
-        raise click.UsageError("WORLD and --path cannot both be standard input.")
+    _check_usage(world, out, path, mow, given)
     try:
         limits, wheels, laser = _models(given)
     except DataError as error:
         raise click.UsageError(f"{error}.") from error
+    if mow:
+        mow_lawn(world, out, wheels, given, quiet=quiet)
+        return
+    assert path is not None
+    assert out is not None
     loaded = load_world(world)
     for warning in () if quiet else loaded.warnings:
         click.echo(f"Warning: {world}: {warning}", err=True)
@@ -128,6 +143,20 @@ def command(
     _write(simulation, out, given["no_clobber"], quiet)
     if not quiet:
         _report(simulation, verbose)
+
+
+def _check_usage(
+    world: str, out: str | None, path: str | None, mow: bool, given: dict[str, Any]
+) -> None:
+    if mow and (path or given["faults"]):
+        raise click.UsageError("--mow drives its own way: leave out --path and --odom-fault.")
+    if not mow and (path is None or out is None):
+        missing = "argument 'OUT.mcap'" if path else "option '--path'"
+        raise click.UsageError(f"Missing {missing} (or add --mow to mow a lawn).")
+    if not mow and (given["landmarks"] or given["png"] or given["json"]):
+        raise click.UsageError("--landmarks, --png and --json are for --mow.")
+    if world == path == "-":
+        raise click.UsageError("WORLD and --path cannot both be standard input.")
 
 
 def _models(given: dict[str, Any]) -> tuple[MotionLimits, OdometryModel, LaserModel]:

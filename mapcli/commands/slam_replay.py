@@ -11,7 +11,7 @@ import click
 from mapcli.algorithms.current_map import CurrentMapParameters
 from mapcli.algorithms.loops import LoopParameters
 from mapcli.algorithms.matching import MatchParameters
-from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
+from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid, units_of
 from mapcli.algorithms.perception import PerceptionParameters
 from mapcli.algorithms.similarity import SIMILARITIES
 from mapcli.algorithms.slam import Slam, SlamParameters
@@ -69,6 +69,11 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 @_option("--no-return", PERCEPTION.no_return, "What beams without return passed: `clear` makes it "
          "open up to the maximum range, `ignore` leaves it as it was.",
          type=click.Choice(("clear", "ignore")))  # fmt: skip
+@click.option("--p-hit", type=Number(0.5, 1, min_open=True, max_open=True), metavar="P",
+              help="Obstacle probability of an unknown cell after one beam ended in it; nearer to "
+              "0.5 for sensors that err.  [default: 0.993]")  # fmt: skip
+@click.option("--p-miss", type=Number(0, 0.5, min_open=True, max_open=True), metavar="P",
+              help="The same after one beam passed through.  [default: 0.19]")  # fmt: skip
 @_option("--search", MATCH.search, "Where to look for each scan's pose: in a window around the "
          "odometry's, at the book's fifteen poses, or nowhere (believe the odometry).",
          type=click.Choice(("window", "book", "none")))  # fmt: skip
@@ -157,6 +162,8 @@ def slam_parameters(
     range_min: float | None,
     range_max: float | None,
     no_return: Any,
+    p_hit: float | None,
+    p_miss: float | None,
     search: Any,
     similarity: Any,
     window_xy: float,
@@ -178,7 +185,12 @@ def slam_parameters(
     return SlamParameters(
         current=replace(CURRENT, frozen=frozen, most_m=CURRENT.most_m if loops else None),
         loops=LoopParameters() if loops else None,
-        map=replace(MAP, resolution=resolution),
+        map=replace(
+            MAP,
+            resolution=resolution,
+            hit=MAP.hit if p_hit is None else units_of(p_hit),
+            miss=MAP.miss if p_miss is None else -units_of(p_miss),
+        ),
         perception=PerceptionParameters(range_min, range_max, no_return),
         match=replace(
             MATCH,

@@ -1,0 +1,187 @@
+"""`mapcli simulate --mow`: mowers over a lawn, many times (Activity 9.3)."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mapcli.algorithms.sensors import OdometryModel
+from mapcli.commands._options import FILE, POSITIVE, Command
+from mapcli.commands._output import check_outputs, output_file, progress, write_bytes
+from mapcli.errors import DataError
+from mapcli.model.world import World
+
+if TYPE_CHECKING:
+    from mapcli.model.mowing import Mowing, MowingPlan
+
+SIZES = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6)
+"""Landmarks that are tried out, metres."""
+
+RELIABLE = 0.95
+"""Landmarks are large enough when this share of them is noticed in a run."""
+
+_OPTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("--mow", {"is_flag": True, "help": "Mow WORLD, a lawn, back and forth, many times."}),
+    ("--runs", {"default": 50, "type": click.IntRange(1, 10_000), "help": "How often to mow."}),
+    ("--mow-width", {"default": 0.3, "type": POSITIVE, "help": "Metres that a lane is cut wide."}),
+    ("--landmarks", {"default": 0, "type": click.IntRange(0, 1000), "metavar": "N",
+                     "help": "Tape marks around the lawn that the mower recognises."}),
+    ("--landmark-size", {"default": 0.4, "type": POSITIVE, "help": "Their side, metres."}),
+    ("--png", {"metavar": "F", "type": FILE, "help": "A picture of the mowers' paths."}),
+    ("--json", {"metavar": "F", "type": FILE, "help": "The mowers' report as JSON."}),
+)  # fmt: skip
+
+
+def mow_options(command: Command) -> Command:
+    """The options of `--mow`."""
+    for flag, settings in reversed(_OPTIONS):
+        shown = "default" in settings
+        command = click.option(flag, show_default=shown, **settings)(command)
+    return command
+
+
+def mow_lawn(
+    world: str, out: str | None, wheels: OdometryModel, given: dict[str, Any], *, quiet: bool
+) -> None:
+    """Mow, write what was asked for, report.
+
+    Args:
+        given: the options of the command line.
+
+    Raises:
+        DataError: no lawn, or marks so large that they touch.
+    """
+    from mapcli.algorithms.mow import MowerModel
+    from mapcli.algorithms.mow_plan import plan_mowing
+    from mapcli.formats.world import load_world
+
+    outputs = [name for name in (out, given["png"], given["json"]) if name]
+    check_outputs(outputs, [world], "maps", no_clobber=given["no_clobber"])
+    loaded = load_world(world)
+    try:
+        lawn = loaded.world if isinstance(loaded.world, World) else None
+        if lawn is None:
+            raise DataError("is a grid map", expected="a lawn: `polygons:` with one polygon")
+        plan = plan_mowing(lawn, given["mow_width"], given["landmarks"])
+        _check_size(plan, given["landmark_size"])
+        mower = MowerModel(wheels, given["speed"], given["turn_rate_deg"])
+        mowings = _mow_all(plan, mower, given, quiet=quiet)
+    except DataError as error:
+        error.file = error.file or world
+        raise
+    digest = hashlib.sha256(loaded.data).hexdigest()
+    _write(plan, mowings, out, wheels, given, {Path(world).name: digest})
+    if not quiet:
+        for line in report_lines(plan, mowings):
+            click.echo(line, err="-" in outputs)
+
+
+def _check_size(plan: MowingPlan, size: float) -> None:
+    if len(plan.marks) and size >= plan.largest_mark:
+        raise DataError(
+            f"{len(plan.marks)} landmarks of {size:g} m would touch",
+            expected=f"less than {plan.largest_mark:.2f} m, or fewer of them",
+        )
+
+
+def _mow_all(plan: MowingPlan, mower: Any, given: dict[str, Any], *, quiet: bool) -> list[Mowing]:
+    """By odometry alone; then with the landmarks asked for, then with some of other sizes."""
+    from mapcli.algorithms.mow import mow
+
+    sizes: list[float | None] = [None]
+    if len(plan.marks):
+        asked = given["landmark_size"]
+        others = [size for size in SIZES if size < plan.largest_mark and size != asked]
+        sizes += [asked, *others]
+    work: Callable[[int], Mowing] = lambda k: mow(  # noqa: E731
+        plan, mower, sizes[k], given["runs"], given["seed"], with_area=k < 2
+    )
+    return [work(k) for k in progress(range(len(sizes)), "Mowing", len(sizes), quiet=quiet)]
+
+
+def _write(
+    plan: MowingPlan, mowings: list[Mowing], out: str | None, wheels: OdometryModel,
+    given: dict[str, Any], digest: dict[str, str],
+) -> None:  # fmt: skip
+    no_clobber = given["no_clobber"]
+    if out:
+        from mapcli.algorithms.mow import mower_log
+        from mapcli.formats.mcap_log import McapLogWriter
+
+        first = mowings[min(1, len(mowings) - 1)].runs[0]
+        with output_file(out, no_clobber=no_clobber) as file, McapLogWriter(file) as log:
+            for record in mower_log(plan, first, wheels.rate):
+                log.write(record)
+    if given["png"]:
+        from mapcli.formats.mowing_picture import mowing_picture
+
+        write_bytes(given["png"], mowing_picture(plan, mowings[:2]), no_clobber=no_clobber)
+    if given["json"]:
+        from mapcli.formats.document import document, json_bytes
+
+        names = ("seed", "runs", "mow_width", "landmarks", "landmark_size", "speed",
+                 "turn_rate_deg", "odom_rate", "odom_noise", "odom_scale", "odom_turn_scale",
+                 "odom_drift_deg")  # fmt: skip
+        content = {"lanes": plan.lanes, "distance_m": round(plan.distance, 6),
+                   "mowings": [mowing.document() for mowing in mowings]}  # fmt: skip
+        parameters = {name: given[name] for name in names}
+        report = document("mapcli.mowing", digest, parameters, content)
+        write_bytes(given["json"], json_bytes(report), no_clobber=no_clobber)
+
+
+def report_lines(plan: MowingPlan, mowings: list[Mowing]) -> list[str]:
+    """The answers to the questions of Activity 9.3."""
+    (x0, y0), (x1, y1) = plan.outline.min(axis=0), plan.outline.max(axis=0)
+    alone, *marked = mowings
+    rows = [
+        ("lawn", f"{x1 - x0:g} m x {y1 - y0:g} m, {plan.lanes} lanes of {plan.width:g} m"),
+        ("runs", f"{len(alone.misses)} of {plan.distance:,.0f} m each"),
+        ("odometry", "by odometry alone"),
+        *_ending(alone, plan.width),
+    ]
+    if marked:
+        size, count = marked[0].landmark_size, len(plan.marks)
+        rows += [("landmarks", f"with {count} of {size:g} m"), *_ending(marked[0], plan.width)]
+        rows.append(("noticed", f"{marked[0].detected:.0%} of the landmarks in a run"))
+        rows += _by_size(marked)
+    return [f"{label:>12}  {text}" for label, text in rows]
+
+
+def _ending(mowing: Mowing, width: float) -> list[tuple[str, str]]:
+    import numpy as np
+
+    ways, (x, y) = mowing.distances, mowing.mean_miss
+    share = mowing.common_share
+    verdict = "the same in every run" if share > 0.5 else "another one in every run"
+    back = int((ways <= width).sum())
+    return [
+        ("returns", f"{back} of {len(ways)} runs, to within a lane's width"),
+        ("station", f"ends {ways.mean():.2f} m from it on average, {ways.max():.2f} m at worst; "
+                    f"95 % of the runs within {np.percentile(ways, 95):.2f} m"),
+        ("error", f"mostly {verdict}: common to all ({x:+.2f}, {y:+.2f}) m, "
+                  f"{share:.0%} of the mean square; spread {mowing.spread:.2f} m"),
+        ("mown", f"{mowing.mown.mean():.1%} of the lawn on average"),
+    ]  # fmt: skip
+
+
+def _by_size(marked: list[Mowing]) -> list[tuple[str, str]]:
+    """How large the landmarks must be."""
+    from mapcli.algorithms.mow import smallest_reliable
+
+    ordered = sorted(marked, key=lambda each: each.landmark_size or 0)
+    rows = [
+        ("", f"{each.landmark_size:>5g} m: {each.detected:4.0%} noticed, "
+             f"{each.distances.mean():.2f} m from the station")
+        for each in ordered
+    ]  # fmt: skip
+    enough = smallest_reliable(marked, RELIABLE)
+    verdict = (
+        f"{enough:g} m: from there on {RELIABLE:.0%} and more of them are noticed"
+        if enough
+        else f"none up to {ordered[-1].landmark_size:g} m is noticed {RELIABLE:.0%} of the time"
+    )
+    return [("size", "of the landmarks:"), *rows, ("reliable", verdict)]

@@ -1,0 +1,125 @@
+"""A lawn, and what became of the mowers that were sent over it (Activity 9.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class MowingPlan:
+    """Where a mower is told to drive, and the landmarks beside its way.
+
+    Attributes:
+        outline: corners of the lawn, shape (n, 2), metres.
+        waypoints: shape (m, 2), from the charging station over both ends of every lane back to
+            the station.
+        lanes: how many there are; width: metres that a lane is cut wide.
+        marks: centres of the tape marks, shape (k, 2).
+    """
+
+    outline: Floats
+    waypoints: Floats
+    lanes: int
+    width: float
+    marks: Floats
+
+    @property
+    def station(self) -> Floats:
+        """The charging station, shape (2,)."""
+        return np.asarray(self.waypoints[0], dtype=np.float64)
+
+    @property
+    def largest_mark(self) -> float:
+        """Side of the largest marks that do not touch, metres; inf when there are not two."""
+        apart = np.abs(self.marks[:, None] - self.marks).max(axis=2)
+        return float(apart[~np.eye(len(apart), dtype=bool)].min(initial=np.inf))
+
+    @property
+    def distance(self) -> float:
+        """Metres of the whole way."""
+        return float(np.hypot(*np.diff(self.waypoints, axis=0).T).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class MowingRun:
+    """One run.
+
+    Attributes:
+        path: true positions, shape (n, 2).
+        counted: metres and radians that the wheels counted between them, shape (n - 1, 2).
+        seen: how often each mark was noticed, shape (marks,).
+    """
+
+    path: Floats
+    counted: Floats
+    seen: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Mowing:
+    """Many runs of one plan under the same conditions.
+
+    Attributes:
+        landmark_size: side of the tape marks, metres; None for odometry alone.
+        misses: where each run really ended, as seen from the station, shape (runs, 2), metres.
+        detected: share of the marks that were noticed at least once in a run; None without marks.
+        mown: share of the lawn that each run cut, shape (runs,); empty where nobody asked.
+        runs: the runs themselves.
+    """
+
+    landmark_size: float | None
+    misses: Floats
+    detected: float | None
+    mown: Floats
+    runs: tuple[MowingRun, ...]
+
+    @property
+    def distances(self) -> Floats:
+        """Metres from the station at the end of each run."""
+        return np.asarray(np.hypot(*self.misses.T), dtype=np.float64)
+
+    @property
+    def mean_miss(self) -> Floats:
+        """The error that all runs have in common, x and y."""
+        return np.asarray(self.misses.mean(axis=0), dtype=np.float64)
+
+    @property
+    def spread(self) -> float:
+        """Metres (root mean square) by which the runs differ from what they have in common."""
+        return float(np.sqrt(((self.misses - self.mean_miss) ** 2).sum(axis=1).mean()))
+
+    @property
+    def common_share(self) -> float:
+        """The share of the mean squared error that is the same in every run, 0 to 1."""
+        whole = float((self.misses**2).sum(axis=1).mean())
+        return float((self.mean_miss**2).sum()) / whole if whole else 0.0
+
+    def document(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        x, y = self.mean_miss
+        return {
+            "landmark_size_m": self.landmark_size,
+            "station_distance_m": {
+                "mean": _figure(self.distances.mean()),
+                "median": _figure(np.median(self.distances)),
+                "p95": _figure(np.percentile(self.distances, 95)),
+                "worst": _figure(self.distances.max()),
+            },
+            "mean_miss": {"x": _figure(x), "y": _figure(y)},
+            "spread_m": _figure(self.spread),
+            "common_share": _figure(self.common_share),
+            "detected_share": None if self.detected is None else _figure(self.detected),
+            "mown_share": _figure(self.mown.mean()) if len(self.mown) else None,
+            "runs": [{"x": _figure(x), "y": _figure(y)} for x, y in self.misses],
+        }
+
+
+def _figure(value: Any) -> float:
+    """Six decimals, micrometres: the same on every machine."""
+    return round(float(value), 6) + 0.0
