@@ -21,8 +21,8 @@ from mapcli.model.world import World
 
 MAP = MapParameters()
 BEAMS, REACH = 180, 8.0
-MATCH = np.diag([0.02**2, 0.02**2, math.radians(0.3) ** 2])
-"""How well the current map fixes each keyframe of these tracks, as their matcher would say."""
+MATCH = np.diag([0.02**-2, 0.02**-2, math.radians(0.3) ** -2])
+"""The information from the current map on each keyframe of these tracks."""
 
 Edges = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from mapcli.algorithms.calibration import CalibrationParameters, OdometryCalibra
 from mapcli.algorithms.dead_reckoning import OdometryModel
 from mapcli.model.pose import Pose2D
 
-SURE = np.diag([0.003**2, 0.003**2, math.radians(0.1) ** 2])
+SURE = np.diag([0.003**-2, 0.003**-2, math.radians(0.1) ** -2])
 WIDE = 10.0, 10.0
 """A spread that lets everything teach."""
 
@@ -129,7 +129,7 @@ def test_a_motion_within_the_doubt_teaches() -> None:
 
 def test_what_the_map_does_not_fix_teaches_little() -> None:
     # Along a corridor the match knows the heading, but not how far the robot has come.
-    blind = np.diag([100.0, 0.01**2, math.radians(0.1) ** 2])
+    blind = np.diag([0.0, 0.01**-2, math.radians(0.1) ** -2])
     calibration = OdometryCalibration()
     for _ in range(500):
         calibration.learn(Pose2D(0.22), Pose2D(0.2), blind, WIDE)

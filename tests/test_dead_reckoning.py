@@ -11,7 +11,7 @@ from mapcli.algorithms.dead_reckoning import HIGHEST_SPEED, DeadReckoning, Odome
 from mapcli.model.pose import Pose2D
 
 SECOND = 10**9
-SURE = np.diag([0.003**2, 0.003**2, math.radians(0.1) ** 2])
+SURE = np.diag([0.003**-2, 0.003**-2, math.radians(0.1) ** -2])
 
 
 def test_the_first_scan_has_no_motion() -> None:

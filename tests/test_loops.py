@@ -127,7 +127,8 @@ def test_progress_is_told_for_each_stretch() -> None:
 @pytest.mark.parametrize("metres", [1.0, 1.02, 1.035, 1.05, 1.06, 1.07])
 def test_rooms_that_are_all_alike_make_no_wrong_loop(metres: float) -> None:
     # The wheels count too much on the way out only: back at the start, the robot is lost by up to
-    # 2.8 m, which is nearly a whole room. A loop must be right to a tenth of a room, or not be.
+    # 2.8 m, which is nearly a whole room. A loop must be right to a tenth of a room, or say itself
+    # (to three standard deviations) that it does not know which room this is, or not be.
     true, seen = along_the_rooms()
     half = len(true) // 2
     out = drifted(true[:half], metres, 0.0)
@@ -136,7 +137,8 @@ def test_rooms_that_are_all_alike_make_no_wrong_loop(metres: float) -> None:
     anchors = anchors_of(closer, true)
     before = worst(closer.graph.poses, anchors)
     closed = closer.run()
-    assert max(errors_of(closed.loops, anchors), default=0) < 0.3
+    for loop, error in zip(closed.loops, errors_of(closed.loops, anchors), strict=True):
+        assert error < 0.3 or loop.error(anchors) < 3
     assert worst(closed.anchors, anchors) < before + 0.05
     if metres < 1.03:
         assert closed.loops  # where no other room is meant, they are found

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mapcli.algorithms import surfels
-from mapcli.algorithms.surfels import Fit, SurfelMap
+from mapcli.algorithms.surfels import Fit, SurfelMap, covariance_of
 from mapcli.model.pose import Pose2D
 
 Floats = NDArray[np.float64]
@@ -56,7 +56,7 @@ def test_a_room_fixes_a_pose() -> None:
     assert fit.pose.distance(true) < 0.003
     assert abs(fit.pose.theta - true.theta) < math.radians(0.05)
     assert fit.fitted > 0.99 * len(points)
-    deviations = np.sqrt(np.diag(fit.covariance()))
+    deviations = np.sqrt(np.diag(covariance_of(fit.in_own_frame())))
     assert (deviations > 0).all()
     assert (deviations < [0.01, 0.01, 0.01]).all()  # 100 points a side, 15 mm each
 
@@ -83,9 +83,9 @@ def test_growing_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_new_points_are_seen() -> None:
     # One wall is no room: only the second one says how far ahead the robot is.
     walls, points, start = map_of(wall((-3, 1), (3, 1))), room(0.06), Pose2D()
-    assert walls.fit(points, start).covariance()[0, 0] > 1
+    assert covariance_of(walls.fit(points, start).in_own_frame())[0, 0] > 1
     walls.add(room())
-    assert walls.fit(points, start).covariance()[0, 0] < 0.01**2
+    assert covariance_of(walls.fit(points, start).in_own_frame())[0, 0] < 0.01**2
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.5, math.pi / 2, 2.0, -2.5])
@@ -96,27 +96,32 @@ def test_a_corridor_says_nothing_about_how_far_along_it_the_robot_is(heading: fl
     ahead, across = along(fit, heading)
     assert across > 1e4  # better than a centimetre
     assert ahead < 1e-6 * across
-    covariance = fit.covariance()
+    covariance = covariance_of(fit.in_own_frame())
     # In the robot's frame the corridor is at `heading` less its own.
     axis = np.array([math.cos(heading - 0.7), math.sin(heading - 0.7)])
     assert axis @ covariance[:2, :2] @ axis > 100  # metres squared: not known at all
     assert abs(np.linalg.det(covariance[:2, :2])) < 100**2
 
 
-def test_covariance_by_hand() -> None:
+def test_information_in_the_robots_own_frame_by_hand() -> None:
     # Facing up: ahead is the world's y, left is its -x.
-    information = np.diag([100.0, 25.0, 400.0])
-    information[0, 2] = information[2, 0] = 60.0
+    information = np.array([[100.0, 7.0, 60.0], [7.0, 25.0, 5.0], [60.0, 5.0, 400.0]])
     fit = Fit(Pose2D(3, 4, math.pi / 2), information, 50)
-    # [[100, 60], [60, 400]] has the determinant 36400.
-    x_turn = -60 / 36400
-    expected = [[1 / 25, 0, 0], [0, 400 / 36400, -x_turn], [0, -x_turn, 100 / 36400]]
-    assert fit.covariance(least=0.0) == pytest.approx(np.array(expected))
+    expected = [[25, -7, 5], [-7, 100, -60], [5, -60, 400]]
+    assert fit.in_own_frame() == pytest.approx(np.array(expected))
+
+
+def test_covariance_as_numpy() -> None:
+    rng = np.random.default_rng(0)
+    for size in (1e-3, 1.0, 1e6):
+        factor = rng.normal(0, math.sqrt(size), (3, 5))
+        information = factor @ factor.T
+        inverse = np.linalg.inv(information + 1e-4 * np.eye(3))
+        assert covariance_of(information) == pytest.approx(inverse, rel=1e-6)
 
 
 def test_what_is_not_known_is_uncertain_but_not_infinitely() -> None:
-    fit = Fit(Pose2D(0, 0, 1.0), np.zeros((3, 3)), 0)
-    assert fit.covariance(least=0.01) == pytest.approx(100 * np.eye(3))
+    assert covariance_of(np.zeros((3, 3)), least=0.01) == pytest.approx(100 * np.eye(3))
 
 
 @pytest.mark.parametrize("heading", [0.0, 1.1])
