@@ -151,7 +151,9 @@ class StretchMatcher:
             return self._maps[anchor]
         grid, origin = OccupancyGrid(self.map), self.keyframes[anchor].pose
         for k in self._some(anchor, self.parameters.map_m):
-            grid.integrate(origin.between(self.keyframes[k].pose), self._near(k))
+            pose = origin.between(self.keyframes[k].pose)
+            grid.integrate(pose, self._near(k), field=False)
+        grid.make_field()
         self._maps[anchor] = grid
         if len(self._maps) > self.parameters.maps:
             self._maps.popitem(last=False)

@@ -214,4 +214,5 @@ def goes_on(ends: NDArray[np.float64], k: int, du: float, dv: float, length: flo
         return False
     on_u, on_v = ends[k + 1, 0] - ends[k, 0], ends[k + 1, 1] - ends[k, 1]
     on = sqrt(on_u * on_u + on_v * on_v)
-    return on <= 2 * length and on_u * du + on_v * dv >= STRAIGHT * on * length
+    alike = on <= 2 * length and length <= 2 * on
+    return alike and on_u * du + on_v * dv >= STRAIGHT * on * length
