@@ -59,15 +59,21 @@ def finish(
     poses = refine(track, poses, map_.resolution, refining)
     start = track.poses[0].compose(poses[0].inverse())
     poses = [track.poses[0], *(start.compose(pose) for pose in poses[1:])]
-    grid = OccupancyGrid(map_)
-    for keyframe in track.keyframes:
-        grid.integrate(poses[keyframe.scan], keyframe.perception, field=False)
+    grid = rebuild(track, poses, map_)
     scans = [track.keyframes[stretch.anchor].scan for stretch in closed.stretches]
     found = tuple(
         Loop(scans[edge.from_], scans[edge.to], edge.measured, score, information_of(edge))
         for edge, score in zip(closed.loops, closed.scores, strict=True)
     )
     return Finished(poses, grid, found)
+
+
+def rebuild(track: Track, poses: list[Pose2D], map_: MapParameters) -> OccupancyGrid:
+    """The map that the keyframes make at these poses; it has no likelihood field."""
+    grid = OccupancyGrid(map_)
+    for keyframe in track.keyframes:
+        grid.integrate(poses[keyframe.scan], keyframe.perception, field=False)
+    return grid
 
 
 def refine(
