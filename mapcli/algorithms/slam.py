@@ -99,7 +99,8 @@ class Slam:
             b = best_pose(self.map, p, n, spread, self.parameters.match, self._usual_score)
             self._learn(c, b)
         n = b.pose  # 9: replace new position by best position
-        self._record(p, n, b, in_map=self.current.update(n, p))  # 10: update map based on it
+        in_map = not self._is_lost and self.current.update(n, p)  # 10: update map based on it
+        self._record(p, n, b, in_map=in_map)
         self.pose, self._has_begun = n, True  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
         return TracedPose(scan.stamp_ns, n, odom, b.score if b.found else None, status)
