@@ -416,14 +416,17 @@ def test_refine_where_nothing_is_stays() -> None:
 
 
 @FEW
-@given(SEEDS, st.integers(0, 6), st.integers(1, 3))
-def test_fits_as_its_twin(seed: int, reach: int, stride: int) -> None:
+@given(
+    SEEDS, st.tuples(st.integers(-8, 3), st.integers(-8, 3)), st.integers(0, 4), st.integers(1, 3)
+)
+def test_fits_as_its_twin(seed: int, low: tuple[int, int], count: int, stride: int) -> None:
     rng = np.random.default_rng(seed)
-    field = rng.integers(0, 256, (40, 50)).astype(np.uint8)
+    field = rng.integers(0, 256, (45, 50)).astype(np.uint8)
     points = rng.integers(8, 30, (25, 2))  # rows, columns
-    sums = fits(field.reshape(-1), points[:, 0] * 50 + points[:, 1], 50, reach, stride)
-    shifts = range(-reach, reach + 1, stride)
+    places = points[:, 0] * 50 + points[:, 1]
+    sums = fits(field.reshape(-1), places, 50, low, count, stride)
+    across, down = ([start + k * stride for k in range(count)] for start in low)
     expected = [
-        [sum(int(field[r + dv, c + du]) for r, c in points) for du in shifts] for dv in shifts
+        [sum(int(field[r + dv, c + du]) for r, c in points) for du in across] for dv in down
     ]
     assert sums.tolist() == expected

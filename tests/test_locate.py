@@ -123,7 +123,7 @@ def test_a_robot_that_is_nowhere_is_told(known: GridMap) -> None:
     *first, last = [scan_at(HALL, pose, k) for k, pose in enumerate(HALL_POSES)]
     for scan, pose in zip(first, HALL_POSES, strict=False):
         slam.step(scan, pose)
-    with pytest.raises(DataError, match="the first 10 scans are found nowhere in the known map"):
+    with pytest.raises(DataError, match="10 scans are found nowhere in the known map"):
         slam.step(last, HALL_POSES[-1])
 
 

@@ -8,7 +8,7 @@ closed between.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -115,7 +115,7 @@ def around(keyframes: list[Keyframe], anchor: int, metres: float) -> range:
     """Keyframes at most so many metres before or after an anchor."""
     at = keyframes[anchor].metres
     first = bisect_left(keyframes, at - metres, key=lambda k: k.metres)
-    last = bisect_left(keyframes, at + metres, key=lambda k: k.metres)
+    last = bisect_right(keyframes, at + metres, key=lambda k: k.metres)
     return range(min(first, anchor), max(last, anchor + 1))
 
 

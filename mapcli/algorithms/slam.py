@@ -70,6 +70,7 @@ class Slam:
         self.parameters = p = parameters or SlamParameters()
         self.current = CurrentMap(known or OccupancyGrid(p.map), p.current)
         self.pose = start or Pose2D()
+        self._is_continued = known is not None
         self._is_lost, self._tries = known is not None and start is None, 0
         self.odometry = DeadReckoning(p.odometry, p.calibration)
         self.track = Track()
@@ -94,7 +95,7 @@ class Slam:
         b = Match(n, 0.0, 0, found=False)
         if self._is_lost:
             b = self._locate(p)
-        elif not first:  # 5-8: the best test position around n
+        elif not first or self._is_continued:  # 5-8: the best test position around n
             spread = self.odometry.spread(motion)
             b = best_pose(self.map, p, n, spread, self.parameters.match, self._usual_score)
             self._learn(c, b)
@@ -108,10 +109,11 @@ class Slam:
     def _locate(self, perception: Perception) -> Match:
         """The first position in a known map."""
         match = locate(self.map, perception, self.parameters.match)
-        self._is_lost, self._tries = not match.found, self._tries + 1
+        self._is_lost = not match.found
+        self._tries += len(perception.hits) >= self.parameters.match.fewest
         if self._is_lost and self._tries == MOST_TRIES:
             raise DataError(
-                f"the first {MOST_TRIES} scans are found nowhere in the known map",
+                f"{MOST_TRIES} scans are found nowhere in the known map",
                 expected="--initial-pose, or another map",
             )
         return match

@@ -25,6 +25,9 @@ from mapcli.model.pose import Pose2D
 
 TURN_STEP = math.radians(0.5)
 
+STRIDE = 2
+"""Cells between poses that are asked whether they would have fitted as well."""
+
 EDGE = 2
 """Cells, or steps of the turn, from the edge of a window at which a better fit may lie outside."""
 
@@ -167,11 +170,13 @@ class StretchMatcher:
 
     def _some(self, anchor: int, metres: float) -> list[int]:
         """Keyframes around an anchor, as many as it takes to see everything there."""
-        p, chosen = self.parameters, [anchor]
+        p = self.parameters
+        chosen: list[int] = []
         for k in around(self.keyframes, anchor, metres):
-            step = self.keyframes[chosen[-1]].pose.between(self.keyframes[k].pose)
+            last = self.keyframes[chosen[-1] if chosen else k].pose
+            step = last.between(self.keyframes[k].pose)
             far = math.hypot(step.x, step.y) >= p.apart_m
-            if far or abs(step.theta) >= math.radians(p.apart_deg):
+            if not chosen or k == anchor or far or abs(step.theta) >= math.radians(p.apart_deg):
                 chosen.append(k)
         return chosen
 
@@ -197,15 +202,15 @@ class StretchMatcher:
 
         `centre` is the window's, in cells from the best pose.
         """
-        stride, columns = 2, grid.log_odds.shape[1]
+        columns, count = grid.log_odds.shape[1], 2 * reach // STRIDE
         places = kernels.turned(cells, best, 0, 0.0, columns)[0]
-        places += int(centre[1]) * columns + int(centre[0])
-        sums = fits(grid.fields[1].reshape(-1), places, columns, reach, stride)
+        # Whole strides from the best pose, so that it is one of those that are asked.
+        low_u, low_v = (math.ceil((c - reach) / STRIDE) * STRIDE for c in centre.tolist())
+        sums = fits(grid.fields[1].reshape(-1), places, columns, (low_u, low_v), count, STRIDE)
         share = (sums - sums.max()) / (kernels.FULL * len(cells) * self.parameters.nearly)
         weights = np.exp(share)
-        steps = np.arange(len(sums)) * stride - reach
-        x = (steps + centre[0]) * self.map.resolution
-        y = (steps + centre[1]) * self.map.resolution
+        steps = np.arange(count) * STRIDE
+        x, y = ((steps + low) * self.map.resolution for low in (low_u, low_v))
         total = weights.sum()
         xx, yy = (weights * x**2).sum() / total, (weights.T * y**2).sum() / total
         xy = (weights * np.outer(y, x)).sum() / total
