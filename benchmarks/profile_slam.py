@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from mapcli.algorithms.slam import Slam, SlamParameters
+from mapcli.algorithms.slam import Slam
 from mapcli.commands._log_options import LogInput
 from mapcli.commands._replay import Replay
 from mapcli.commands._replay_outputs import ReplayOutputs, write_outputs
@@ -27,7 +27,10 @@ from mapcli.commands._replay_outputs import ReplayOutputs, write_outputs
 STAGES = {
     "perceiving": ("mapcli.algorithms.slam", "perceive"),
     "matching": ("mapcli.algorithms.slam", "best_pose"),
-    "updating": ("mapcli.algorithms.occupancy", "OccupancyGrid.integrate"),
+    "updating": ("mapcli.algorithms.current_map", "CurrentMap.update"),
+    "closing loops": ("mapcli.algorithms.loops", "LoopCloser.run"),
+    "refining": ("mapcli.algorithms.closing", "refine"),
+    "rebuilding": ("mapcli.algorithms.closing", "rebuild"),
 }
 """Stage -> the module and the name by which it is called."""
 
@@ -113,7 +116,7 @@ class Profile:
         return counted
 
     def _run(self, log: Path) -> None:
-        replay = Replay(LogInput().open([str(log)]), LogInput(), SlamParameters())
+        replay = Replay(LogInput().open([str(log)]), LogInput(), Slam())
         records = replay.log.records
         replay.log.records = lambda: self.watch.timed_items("reading", records())  # type: ignore[method-assign]
         start = time.perf_counter()
@@ -127,8 +130,9 @@ class Profile:
     @staticmethod
     def _write(replay: Replay, outputs: ReplayOutputs) -> None:
         head = {"inputs": replay.log.digests(), "parameters": replay.effective_parameters()}
-        grid = replay.slam.map.to_grid_map()
-        write_outputs(outputs, grid, replay.trace(), head, replay.summary(), no_clobber=False)
+        write_outputs(
+            outputs, replay.grid(), replay.trace(), head, replay.summary(), no_clobber=False
+        )
 
     def stage_row(self, name: str) -> str:
         """Seconds per stage, and all together."""

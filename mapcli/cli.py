@@ -24,6 +24,8 @@ COMMANDS = {
     "evaluate": "Say how far a pose trace is from the truth, or from itself.",
     "import": "Convert a log to MCAP with ROS 2 messages.",
     "convert": "Convert a map from any format to any other.",
+    "transform": "Crop, turn, mirror, move, resample, align, merge maps.",
+    "compare": "Compare two maps: cells, overlap, walls.",
     "info": "Say what is in a map or a log.",
     "render": "Draw a map as a picture.",
     "rasterize": "Turn polygons into a grid map (Sect. 9.1).",

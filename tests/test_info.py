@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from mapcli import __version__
 from mapcli.cli import main
@@ -44,6 +45,8 @@ m.yaml: map, YAML with PGM P5, 8 bit
   cells       3 free (50.0%), 2 occupied (33.3%), 1 unknown (16.7%)
   warning     1 cell of grey 205, which map savers write for unknown, read as open under \
 free_thresh 0.25; with free_thresh: 0.196 they stay unknown
+  warning     origin has a yaw of 28.6479 deg, which Nav2's costmaps and AMCL ignore; `mapcli \
+transform --bake-yaw` turns the cells instead
 """
 
 TEXT_REPORT = """\
@@ -69,8 +72,9 @@ def test_several_files(capsys: pytest.CaptureFixture[str]) -> None:
 def test_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert info("m.yaml", "--json", "-") == 0
     document = json.loads(capsys.readouterr().out)
-    (warning,) = document.pop("warnings")
-    assert warning.startswith("1 cell of grey 205")
+    trap, yaw = document.pop("warnings")
+    assert trap.startswith("1 cell of grey 205")
+    assert yaw.startswith("origin has a yaw of 28.6479 deg")
     assert list(document)[:3] == ["format", "version", "mapcli"]
     assert document == {
         "format": "mapcli.map-info",
@@ -94,6 +98,52 @@ def test_json(capsys: pytest.CaptureFixture[str]) -> None:
         },
         "cells": {"free": 3, "occupied": 2, "unknown": 1, "between_0_and_1": 0},
     }
+
+
+def warnings_of(keys: dict[str, str], picture: Image.Image) -> list[str]:
+    lines = dict(line.split(": ") for line in YAML.splitlines())
+    lines |= {"origin": "[0, 0, 0]", "image": "m.png"} | keys
+    Path("odd.yaml").write_text("".join(f"{key}: {value}\n" for key, value in lines.items()))
+    picture.save("m.png")
+    assert info("odd.yaml", "--json", "odd.json", "-q") == 0
+    return list(json.loads(Path("odd.json").read_text())["warnings"])
+
+
+GREY = Image.new("L", (2, 1), 0)
+THREE = GREY.convert("RGBA")
+THREE.putpixel((0, 0), (255, 0, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("keys", "picture", "warnings"),
+    [
+        ({}, GREY, []),
+        ({"free_thresh": "0.7"}, GREY, ["free_thresh 0.7 is not below occupied_thresh 0.65"]),
+        (
+            {"origin": "[nan, .inf, 0]"},
+            GREY,
+            ["the x of origin is not a number (nan); 0 is", "the y of origin is infinite; 0 is"],
+        ),
+        ({"Mode": "scale"}, GREY, ["line 7: key 'Mode' is not used; mode is meant?"]),
+        ({"frame_id": "map"}, GREY, ["line 7: key 'frame_id' is not used"]),
+        (
+            {},
+            THREE,
+            ["1 cell in colour, which Nav2 takes by", "has an alpha channel, 1 cell not opaque;"],
+        ),
+        ({"mode": "scale"}, THREE, ["1 cell in colour", "1 cell not opaque, read as unknown"]),
+        (
+            {"free_thresh": "0.2"},
+            Image.new("L", (2, 1), 204),
+            ["2 cells read otherwise by ros1, see --dialect"],
+        ),
+    ],
+)
+def test_warnings(keys: dict[str, str], picture: Image.Image, warnings: list[str]) -> None:
+    found = warnings_of(keys, picture)
+    assert len(found) == len(warnings)
+    for text, start in zip(found, warnings, strict=True):
+        assert text.startswith(start)
 
 
 def test_json_of_several_files_is_a_list(capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,7 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mapcli.algorithms._kernels.mapping import highest_bump, integrate_beams, update_field
+from mapcli.algorithms._kernels.mapping import (
+    WALL,
+    bridge_walls,
+    highest_bump,
+    integrate_beams,
+    update_field,
+)
 from mapcli.algorithms.occupancy import LEVEL_WIDTHS, MapParameters
 
 Cells = set[tuple[int, int]]
@@ -44,8 +50,10 @@ def slow_integrate(
     ends: NDArray[np.float64],
     hits: int,
     rules: tuple[int, int, int, int],
+    field: NDArray[np.uint8] | None = None,
 ) -> tuple[NDArray[np.int16], Cells]:
-    """The map after a scan, and the cells that became occupied or ceased to be."""
+    """The map after a scan, and the cells that became occupied or ceased to be, or to be taken
+    for wall."""
     hit, miss, highest, lowest = rules
     after = log_odds.copy()
     were_hit = {(floor(v), floor(u)) for u, v in ends[:hits]}
@@ -54,7 +62,10 @@ def slow_integrate(
         after[cell] = min(highest, int(log_odds[cell]) + hit) or 1
     for cell in were_passed:
         after[cell] = max(lowest, int(log_odds[cell]) - miss) or -1
-    return after, {(v, u) for v, u in np.argwhere((after > 0) != (log_odds > 0)).tolist()}
+    changed = (after > 0) != (log_odds > 0)
+    if field is not None:
+        changed |= (field == WALL) & (log_odds == 0) & (after < 0)
+    return after, {(v, u) for v, u in np.argwhere(changed).tolist()}
 
 
 def fast_integrate(
@@ -63,10 +74,12 @@ def fast_integrate(
     ends: NDArray[np.float64],
     hits: int,
     rules: tuple[int, int, int, int] = RULES,
+    field: NDArray[np.uint8] | None = None,
 ) -> tuple[NDArray[np.int16], list[tuple[int, int]]]:
     after = log_odds.copy()
+    field = np.zeros(log_odds.shape, np.uint8) if field is None else field
     changed = np.full((int(np.abs(ends - laser).sum()) + 4 * len(ends), 2), -1, np.int32)
-    count = integrate_beams(after, laser, ends, hits, rules, changed)
+    count = integrate_beams(after, field, laser, ends, hits, rules, changed)
     return after, [(v, u) for v, u in changed[:count].tolist()]
 
 
@@ -87,8 +100,9 @@ def test_integrate_as_its_twin(seed: int, n: int, size: int) -> None:
     laser, ends = rng.uniform(0, size, 2), rng.uniform(0, size, (n, 2))
     ends[: n // 3, rng.integers(2)] = laser[0]  # some straight along an axis, or nearly
     hits = int(rng.integers(0, n + 1))
-    expected, changes = slow_integrate(log_odds, laser, ends, hits, RULES)
-    after, changed = fast_integrate(log_odds, laser, ends, hits)
+    field = rng.choice(np.array([0, 100, WALL], np.uint8), (size, size))
+    expected, changes = slow_integrate(log_odds, laser, ends, hits, RULES, field)
+    after, changed = fast_integrate(log_odds, laser, ends, hits, field=field)
     assert (after == expected).all()
     assert sorted(changed) == sorted(changes)
 
@@ -346,3 +360,94 @@ def test_highest_bump_as_its_twin(seed: int) -> None:
             if log_odds[v + dv, u + du] > 0:
                 expected = max(expected, int(BUMP[dv + REACH, du + REACH]))
     assert highest_bump(log_odds, v, u, BUMP) == expected
+
+
+# --- walls between beams
+
+
+def bridged(ends: list[tuple[float, float]], log_odds: NDArray[np.int16]) -> Cells:
+    """The cells that `bridge_walls` takes for wall."""
+    fields = np.zeros((len(LEVEL_WIDTHS), *log_odds.shape), np.uint8)
+    bridge_walls(fields, LEVEL_WIDTHS, log_odds, np.array(ends), BUMP)
+    whole = {(v, u) for v, u in np.argwhere(fields[0] == WALL).tolist()}
+    # What is raised is raised as around an occupied cell, in every level.
+    occupied = np.zeros_like(log_odds)
+    for cell in whole:
+        occupied[cell] = 1
+    assert (fields == fields_of(occupied)).all()
+    return whole
+
+
+def slow_bridged(ends: list[tuple[float, float]], log_odds: NDArray[np.int16]) -> Cells:
+    """The same, by the rule as it is written."""
+    way = [np.subtract(b, a) for a, b in pairwise(ends)]
+    length = [float(np.hypot(*w)) for w in way]
+
+    def goes_on(k: int, j: int) -> bool:
+        if not 0 <= j < len(way) or max(length[j], length[k]) > 2 * min(length[j], length[k]):
+            return False
+        return float(way[k] @ way[j]) >= 0.97 * length[k] * length[j]
+
+    cells = set()
+    for k in range(len(way)):
+        if 1.5 <= length[k] <= 12 and (goes_on(k, k - 1) or goes_on(k, k + 1)):
+            steps = floor(length[k])
+            for i in range(1, steps + 1):
+                u, v = np.add(ends[k], way[k] * (i / (steps + 1)))
+                cells.add((floor(v), floor(u)))
+    return {cell for cell in cells if log_odds[cell] == 0}
+
+
+UNKNOWN = np.zeros((80, 80), np.int16)
+
+
+def test_a_far_wall_is_bridged() -> None:
+    row = [(30.5, 40.5), (34.5, 40.5), (38.5, 40.5)]
+    between = {(40, u) for u in (31, 32, 33, 35, 36, 37)}
+    assert between <= bridged(row, UNKNOWN) <= between | {(40, 30), (40, 34), (40, 38)}
+
+
+@pytest.mark.parametrize(
+    "ends",
+    [
+        [(30.5, 40.5), (34.5, 40.5)],  # two points may be anything
+        [(30.5, 40.5), (34.5, 40.5), (34.5, 44.5)],  # a corner
+        [(20.5, 40.5), (33.5, 40.5), (46.5, 40.5)],  # too far apart
+        [(30.5, 40.5), (34.5, 40.5), (45.5, 40.5)],  # not as regular as a wall
+        [(30.5, 40.5), (31.5, 40.5), (32.5, 40.5)],  # nothing in between
+    ],
+)
+def test_what_is_not_bridged(ends: list[tuple[float, float]]) -> None:
+    assert bridged(ends, UNKNOWN) == set()
+
+
+def test_known_cells_are_not_taken_for_wall() -> None:
+    log_odds = UNKNOWN.copy()
+    log_odds[40, 32] = -25
+    log_odds[40, 36] = 85
+    row = [(30.5, 40.5), (34.5, 40.5), (38.5, 40.5)]
+    assert not {(40, 32), (40, 36)} & bridged(row, log_odds)
+
+
+@FEW
+@given(SEEDS)
+def test_bridges_as_their_twin(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    steps = rng.uniform(0.5, 9) * np.ones(12)
+    heading = rng.uniform(0, 7) + np.cumsum(rng.choice([0.0, 0.1, 0.5], 12))
+    ends = 40 + np.cumsum(np.column_stack([np.cos(heading), np.sin(heading)]) * steps[:, None], 0)
+    ends = [(u, v) for u, v in np.clip(ends, 22, 58).tolist()]
+    log_odds = rng.choice(np.array([0, 0, 0, -25, 85], np.int16), (80, 80))
+    assert bridged(ends, log_odds) == slow_bridged(ends, log_odds)
+
+
+def test_a_beam_through_a_bridge_undoes_it() -> None:
+    fields = np.zeros((len(LEVEL_WIDTHS), 80, 80), np.uint8)
+    row = np.array([(30.5, 40.5), (34.5, 40.5), (38.5, 40.5)])
+    bridge_walls(fields, LEVEL_WIDTHS, UNKNOWN, row, BUMP)
+    log_odds, changed = UNKNOWN.copy(), np.empty((100, 2), np.int32)
+    through = np.array([(32.5, 50.5)])
+    count = integrate_beams(log_odds, fields[0], np.array([32.5, 35.5]), through, 0, RULES, changed)
+    assert changed[:count].tolist() == [[40, 32]]
+    update_field(fields, LEVEL_WIDTHS, log_odds, changed[:count], BUMP)
+    assert fields[0, 40, 32] == 0

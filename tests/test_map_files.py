@@ -13,11 +13,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from PIL import Image
 
 from mapcli.errors import DataError, FormatError
-from mapcli.formats.grey import GreyRule
+from mapcli.formats.dialects import DIALECTS
+from mapcli.formats.grey import MODES, GreyRule
 from mapcli.formats.map_losses import losses
 from mapcli.formats.maps import LoadedMap, SaveOptions, dump_map, load_map, sniff
+from mapcli.formats.pgm import read_pgm
+from mapcli.formats.png import read_png
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 
@@ -63,10 +67,10 @@ def test_default_settings_keep_the_three_states_and_the_place(
     assert loaded.warnings == ()
 
 
-@pytest.mark.parametrize("dialect", ["nav2", "ros1"])
+@pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize("negate", [False, True])
 @pytest.mark.parametrize("suffix", ["yaml", "pgm", "png"])
-def test_trinary_reads_the_same_in_both_dialects(dialect: Any, negate: bool, suffix: str) -> None:
+def test_trinary_reads_the_same_in_every_dialect(dialect: Any, negate: bool, suffix: str) -> None:
     files = dump_map(PLACED, f"m.{suffix}", SaveOptions(negate=negate))
     assert_same(load_map(f"m.{suffix}", dialect=dialect, read=stored(files)).grid, PLACED)
 
@@ -262,7 +266,7 @@ def test_damaged_metadata_inside_an_image(tmp_path: Path) -> None:
 def test_losses() -> None:
     def lost(cells: Any, name: str, **options: Any) -> list[str]:
         grid = GridMap(np.array(cells, dtype=np.float32), 0.05, Pose2D(1, 2))
-        return losses(grid, dump_map(grid, name, SaveOptions(**options)), name)
+        return losses(grid, name, SaveOptions(**options))
 
     assert lost([[0.3, Q, 1]], "m.txt") == []
     assert lost([[0.1, 0.3, Q]], "m.yaml") == [
@@ -276,11 +280,39 @@ def test_losses() -> None:
     assert lost([[0.3, 1]], "m.txt", characters=True) == ["1 cell known before and unknown now"]
 
 
+WAYS = [
+    ("m.txt", SaveOptions()),
+    ("m.txt", SaveOptions(characters=True)),
+    ("m.yaml", SaveOptions(inline=True)),
+    ("m.pgm", SaveOptions(plain=True)),
+    ("m.pgm", SaveOptions(bits=16)),
+    *((name, SaveOptions(mode, negate=negate, dialect=dialect))
+      for name in ("m.yaml", "m.png") for mode in MODES for dialect in DIALECTS
+      for negate in (False, True) if not (negate and mode == "raw")),
+]  # fmt: skip
+
+
 @pytest.mark.parametrize("name", ["depot", "tb3_sandbox"])
-def test_real_maps_survive_every_format(name: str) -> None:
+def test_real_maps_survive_every_format_and_dialect(name: str) -> None:
     path = Path(__file__).parents[1].parent / "shared" / "maps" / f"{name}.yaml"
     if not path.exists():
         pytest.skip("needs the shared maps")
     grid = load_map(path).grid
-    for out in ("m.txt", "m.yaml", "m.pgm", "m.png"):
-        assert_same(reload(grid, out).grid, grid)
+    for out, options in WAYS:
+        files = dump_map(grid, out, options)
+        assert_same(load_map(out, dialect=options.dialect, read=stored(files)).grid, grid)
+        for file, data in files.items():
+            if file.endswith((".pgm", ".png")):
+                assert_pillow_agrees(data, file)
+
+
+def assert_pillow_agrees(data: bytes, file: str) -> None:
+    """Pillow sees the pixels that our own reader sees."""
+    image = (read_png if file.endswith(".png") else read_pgm)(data, file).whole()
+    pixels = np.asarray(Image.open(io.BytesIO(data)))
+    if pixels.ndim == 3:
+        assert image.alpha is not None
+        assert np.array_equal(pixels[:, :, 3], image.alpha)
+        pixels = pixels[:, :, 0]
+    deep = pixels.dtype != np.uint8
+    assert np.array_equal(pixels // 257 if deep else pixels, image.channels[:, :, 0])

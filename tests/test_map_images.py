@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+import struct
+import zlib
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,16 +16,18 @@ from mapcli.formats.grey import GreyImage
 from mapcli.formats.pgm import read_pgm, write_pgm
 from mapcli.formats.png import read_png, write_png
 
+RAMP = np.arange(256, dtype=np.uint8).reshape(16, 16)
+
 
 def pgm(data: bytes) -> list[list[int]]:
-    pixels: list[list[int]] = read_pgm(data, "m.pgm").channels[:, :, 0].tolist()
+    pixels: list[list[int]] = read_pgm(data, "m.pgm").whole().channels[:, :, 0].tolist()
     return pixels
 
 
 def png(picture: Image.Image, **options: object) -> GreyImage:
     out = io.BytesIO()
     picture.save(out, "PNG", **options)
-    return read_png(out.getvalue(), "m.png")
+    return read_png(out.getvalue(), "m.png").whole()
 
 
 @pytest.mark.parametrize(
@@ -55,7 +60,8 @@ def test_pgm_pixel_by_pixel(data: bytes, pixels: list[list[int]]) -> None:
         (b"P5 0 2 255\n", "m.pgm: header: 0 columns, 2 rows, maxval 255"),
         (b"P5 2 2 0\n", "m.pgm: header: 2 columns, 2 rows, maxval 0"),
         (b"P5 2 2 65536\n", "m.pgm: header: 2 columns, 2 rows, maxval 65536"),
-        (b"P5 99999 99999 255\n", "m.pgm: header: 99999 columns"),
+        (b"P5 99999 99999 255\n", "m.pgm: claims 99999 columns and 99999 rows; expected at most"),
+        (b"P2 30000 30000 255\n1 2", "m.pgm: holds 2 pixels; expected 900,000,000"),
         (b"P5 9999999999 1 255\n", "m.pgm: header: b' 9999999999 ' in the place"),
         (b"P5 2 2 255\nabc", "m.pgm: holds 3 pixels; expected 4 as its header says"),
         (b"P5 2 2 65535\nabcdefg", "m.pgm: holds 3 pixels; expected 4 as its header says"),
@@ -81,33 +87,50 @@ def test_more_pixels_than_the_header_says_are_counted(data: bytes) -> None:
 
 
 def test_written_pgm_byte_by_byte() -> None:
-    image = GreyImage(np.array([[[0], [205]], [[254], [7]]], dtype=np.uint8))
-    assert write_pgm(image) == b"P5\n2 2\n255\n\x00\xcd\xfe\x07"
-    assert write_pgm(image, plain=True) == b"P2\n2 2\n255\n  0 205\n254   7\n"
-    assert write_pgm(image, bits=16) == b"P5\n2 2\n65535\n\x00\x00\xcd\xcd\xfe\xfe\x07\x07"
-    assert write_pgm(image, plain=True, bits=16).endswith(b"\n    0 52685\n65278  1799\n")
+    grey = np.array([[0, 205], [254, 7]], dtype=np.uint8)
+    assert pgm_of(grey) == b"P5\n2 2\n255\n\x00\xcd\xfe\x07"
+    assert pgm_of(grey, plain=True) == b"P2\n2 2\n255\n  0 205\n254   7\n"
+    assert pgm_of(grey, bits=16) == b"P5\n2 2\n65535\n\x00\x00\xcd\xcd\xfe\xfe\x07\x07"
+    assert pgm_of(grey, plain=True, bits=16).endswith(b"\n    0 52685\n65278  1799\n")
 
 
 @pytest.mark.parametrize("plain", [False, True])
 @pytest.mark.parametrize("bits", [8, 16])
 def test_every_grey_survives_every_pgm(plain: bool, bits: int) -> None:
-    grey = np.arange(256, dtype=np.uint8).reshape(16, 16, 1)
-    image = GreyImage(grey, note="resolution: 0.05\nmode: raw")
-    again = read_pgm(write_pgm(image, plain=plain, bits=bits), "m.pgm")
-    assert np.array_equal(again.channels, grey)
-    assert again.note == image.note
+    data = pgm_of(RAMP, "resolution: 0.05\nmode: raw", plain=plain, bits=bits)
+    again = read_pgm(data, "m.pgm")
+    assert np.array_equal(again.whole().channels[:, :, 0], RAMP)
+    assert again.note == "resolution: 0.05\nmode: raw"
     assert again.kind == f"PGM P{2 if plain else 5}, {bits} bit"
+    pillow = np.asarray(Image.open(io.BytesIO(data)))
+    assert np.array_equal(pillow, RAMP.astype(np.int32) * (1 if bits == 8 else 257))
 
 
-RAMP = np.arange(256, dtype=np.uint8).reshape(16, 16)
+def pgm_of(grey: np.ndarray, note: str = "", **options: Any) -> bytes:
+    """Written in bands of one row."""
+    return b"".join(write_pgm(*grey.shape, np.split(grey, len(grey)), note, **options))
+
+
+def png_of(grey: np.ndarray, alpha: np.ndarray | None = None, note: str = "") -> bytes:
+    """Written in bands of three rows."""
+    places = [slice(k, k + 3) for k in range(0, len(grey), 3)]
+    images = [GreyImage(grey[k][:, :, None], None if alpha is None else alpha[k]) for k in places]
+    return b"".join(write_png(*grey.shape, images, note, clear=alpha is not None))
+
+
+def test_plain_pgm_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mapcli.formats.pgm._PIECE", 7)
+    assert np.array_equal(pgm(pgm_of(RAMP, plain=True)), RAMP)
+    one_line = pgm_of(RAMP, plain=True).replace(b"\n ", b"  ")
+    assert np.array_equal(pgm(one_line), RAMP)
 
 
 def test_png_kinds() -> None:
     grey = Image.fromarray(RAMP)
     assert np.array_equal(png(grey).channels[:, :, 0], RAMP)
     assert png(grey).alpha is None
-    assert np.array_equal(png(grey.convert("RGB")).luma(), RAMP)
-    assert np.array_equal(png(grey.convert("P")).luma(), RAMP)
+    assert np.array_equal(png(grey.convert("RGB")).luma, RAMP)
+    assert np.array_equal(png(grey.convert("P")).luma, RAMP)
     clear = png(Image.merge("LA", (grey, Image.fromarray(RAMP.T.copy()))))
     assert np.array_equal(clear.channels[:, :, 0], RAMP)
     assert np.array_equal(clear.alpha, RAMP.T)
@@ -127,15 +150,18 @@ def test_transparent_colour_and_palette_entry() -> None:
 
 
 def test_png_round_trip_with_alpha_and_note() -> None:
-    image = GreyImage(RAMP[:, :, None], RAMP.T.copy(), note="resolution: 0.05\nmode: raw")
-    again = read_png(write_png(image), "m.png")
-    assert np.array_equal(again.channels[:, :, 0], RAMP)
-    assert np.array_equal(again.alpha, RAMP.T)
-    assert again.note == image.note
+    data = png_of(RAMP, RAMP.T.copy(), "resolution: 0.05\nmode: raw")
+    again = read_png(data, "m.png")
+    assert np.array_equal(again.whole().channels[:, :, 0], RAMP)
+    assert np.array_equal(again.whole().alpha, RAMP.T)
+    assert again.note == "resolution: 0.05\nmode: raw"
+    pillow = np.asarray(Image.open(io.BytesIO(data)))
+    assert np.array_equal(pillow, np.dstack([RAMP, RAMP, RAMP, RAMP.T]))
+    assert np.array_equal(np.asarray(Image.open(io.BytesIO(png_of(RAMP)))), RAMP)
 
 
 def test_png_cut_anywhere_is_an_error_unless_all_pixels_are_there() -> None:
-    data = write_png(GreyImage(RAMP[:, :, None], note="mode: raw"))
+    data = png_of(RAMP, note="mode: raw")
     refused = 0
     for length in range(len(data)):
         try:
@@ -143,8 +169,18 @@ def test_png_cut_anywhere_is_an_error_unless_all_pixels_are_there() -> None:
         except FormatError:
             refused += 1
         else:
-            assert np.array_equal(image.channels[:, :, 0], RAMP)
+            assert np.array_equal(image.whole().channels[:, :, 0], RAMP)
     assert refused >= len(data) - 24  # checksums of the pixels, and the end mark
+
+
+@pytest.mark.parametrize("side", [30_000, 100_000])
+def test_sizes_that_a_png_cannot_hold_are_refused_by_its_header(side: int) -> None:
+    """One row of pixels in the name of thousands; Pillow never gets to take the memory."""
+    data = bytearray(png_of(RAMP))
+    data[16:24] = struct.pack(">II", side, side)
+    data[29:33] = struct.pack(">I", zlib.crc32(data[12:29]))
+    with pytest.raises(FormatError, match=rf"claims {side} columns and {side} rows; expected at"):
+        read_png(bytes(data), "m.png")
 
 
 def test_not_a_png() -> None:

@@ -183,6 +183,31 @@ def test_what_goes_in_stays_as_it_was() -> None:
 # --- growing
 
 
+def test_a_field_made_at_once() -> None:
+    """The field is what the walls alone give; each level holds the highest values ahead."""
+    grid = OccupancyGrid()
+    for pose, perception in random_scans(3, 12, 4.0):
+        grid.integrate(pose, perception, field=False)
+    assert not grid.fields.any()
+    log_odds = grid.log_odds.copy()
+    grid.make_field()
+    assert (grid.log_odds == log_odds).all()
+    bump = MapParameters().bump()
+    expected = np.zeros_like(grid.fields[0])
+    reach = len(bump) // 2
+    for v, u in np.argwhere(log_odds > 0):
+        part = expected[v - reach : v + reach + 1, u - reach : u + reach + 1]
+        np.maximum(part, bump, out=part)
+    assert (grid.fields[0] == expected).all()
+    rng = np.random.default_rng(0)
+    for width, level in zip(LEVEL_WIDTHS.tolist(), grid.fields, strict=True):
+        for v, u in rng.integers(0, min(expected.shape) - 16, (300, 2)).tolist():
+            assert level[v, u] == expected[v : v + width, u : u + width].max()
+        walls = np.argwhere(log_odds > 0)[::7]
+        for v, u in (walls - rng.integers(0, 20, walls.shape)).tolist():
+            assert level[v, u] == expected[v : v + width, u : u + width].max()
+
+
 @pytest.mark.parametrize("far", [(30, 0), (-30, 0), (0, 30), (0, -30), (-30, 30), (50, -50)])
 def test_growth_keeps_what_was_known_where_it_was(far: tuple[float, float]) -> None:
     grid = OccupancyGrid()

@@ -232,7 +232,7 @@ def test_the_command_on_a_trace(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 
 def test_the_command_on_a_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "m.txt").write_bytes(write_numbers(room_map(wobble=0.3)))
+    (tmp_path / "m.txt").write_bytes(b"".join(write_numbers(room_map(wobble=0.3))))
     out = tmp_path / "out.yaml"
     assert run("rectify", str(tmp_path / "m.txt"), str(out), "--png", str(tmp_path / "p.png")) == 0
     assert "2 of 2 of the open space made square" in capsys.readouterr().out

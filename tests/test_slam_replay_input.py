@@ -397,7 +397,7 @@ def test_a_file_system_where_nothing_can_be_written(capsys: pytest.CaptureFixtur
 def test_the_log_itself_is_never_replaced(capsys: pytest.CaptureFixture[str]) -> None:
     Path("robot.mcap").write_bytes(CORRIDOR_BYTES)
     assert replay("robot.mcap", "--mcap", "./robot.mcap") == 1
-    assert complaint(capsys) == "Error: ./robot.mcap: is one of the logs to be read"
+    assert complaint(capsys) == "Error: ./robot.mcap: is one of the files to be read"
     assert Path("robot.mcap").read_bytes() == CORRIDOR_BYTES
 
 

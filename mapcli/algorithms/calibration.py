@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mapcli.algorithms.surfels import covariance_of
 from mapcli.model.pose import Pose2D, wrap_angle
 
 
@@ -47,10 +48,10 @@ class OdometryCalibration:
     def __init__(self, parameters: CalibrationParameters | None = None) -> None:
         self.parameters = p = parameters or CalibrationParameters()
         self.metres, self.turns, self.drift = 1.0, 1.0, 0.0
-        self._metres = np.full(2, p.metres / p.floor**2)  # counted and driven
+        self._counted = self._driven = p.metres / p.floor**2
         turning = math.radians(p.turns_deg) / math.radians(p.floor_deg) ** 2
         driving = p.metres / math.radians(p.floor_deg) ** 2
-        self._normal, self._right = np.diag([turning, driving]), np.array([turning, 0.0])
+        self._normal, self._right = ((turning, 0.0), (0.0, driving)), (turning, 0.0)
 
     def correct(self, motion: Pose2D) -> Pose2D:
         """A motion as odometry counts it, as it probably was."""
@@ -61,13 +62,13 @@ class OdometryCalibration:
         self,
         counted: Pose2D,
         found: Pose2D,
-        covariance: NDArray[np.float64],
+        information: NDArray[np.float64],
         spread: tuple[float, float],
     ) -> None:
         """Compare a counted motion with the one found in the map.
 
         Args:
-            covariance: of the pose found, shape (3, 3), in the robot's frame, from the map alone.
+            information: on the pose found, shape (3, 3), in the robot's frame, from the map alone.
             spread: standard deviations of odometry for this motion, metres and radians.
         """
         p = self.parameters
@@ -75,14 +76,27 @@ class OdometryCalibration:
         off, turned = found.distance(expected), abs(wrap_angle(found.theta - expected.theta))
         if off > p.doubt * spread[0] or turned > p.doubt * spread[1]:
             return
+        covariance = covariance_of(information).tolist()
         # Signs as instruments: squares of what the wheels count would count their noise as well.
-        weight = math.copysign(1, counted.x) / (covariance[0, 0] + p.floor**2)
-        self._metres += weight * np.array([counted.x, found.x])
-        self.metres = float(self._metres[1] / self._metres[0])
-        weight = 1 / (covariance[2, 2] + math.radians(p.floor_deg) ** 2)
-        causes = np.array([counted.theta, counted.x])
+        ahead = math.copysign(1, counted.x)
+        weight = ahead / (covariance[0][0] + p.floor**2)
+        self._counted += weight * counted.x
+        self._driven += weight * found.x
+        self.metres = self._driven / self._counted
+        weight = 1 / (covariance[2][2] + math.radians(p.floor_deg) ** 2)
         turning = abs(counted.theta) > math.radians(p.turning_deg)
-        instruments = np.array([math.copysign(turning, counted.theta), math.copysign(1, counted.x)])
-        self._normal += weight * np.outer(instruments, causes)
-        self._right += weight * instruments * wrap_angle(found.theta)
-        self.turns, self.drift = np.linalg.solve(self._normal, self._right).tolist()
+        turn, found_turn = math.copysign(turning, counted.theta), wrap_angle(found.theta)
+        (a, b), (c, d) = self._normal
+        self._normal = (
+            (a + weight * turn * counted.theta, b + weight * turn * counted.x),
+            (c + weight * ahead * counted.theta, d + weight * ahead * counted.x),
+        )
+        x, y = self._right
+        self._right = x + weight * turn * found_turn, y + weight * ahead * found_turn
+        self._solve()
+
+    def _solve(self) -> None:
+        (a, b), (c, d) = self._normal
+        x, y = self._right
+        determinant = a * d - b * c
+        self.turns, self.drift = (d * x - b * y) / determinant, (a * y - c * x) / determinant

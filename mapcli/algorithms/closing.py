@@ -21,13 +21,14 @@ class RefineParameters:
     """How often all poses are fitted to the walls that all of them show.
 
     Attributes:
-        rounds: at most; still_m: metres that poses move on average when they move no longer.
+        rounds: of the keyframes, at most; still_m: metres that they move on average when they
+            move no longer.
         fewest: a scan with fewer points at walls stays where it is, and so does one that would
             go farther than `farthest_m`.
     """
 
-    rounds: int = 3
-    still_m: float = 0.003
+    rounds: int = 2
+    still_m: float = 0.005
     fewest: int = 5
     farthest_m: float = 0.3
 
@@ -58,9 +59,7 @@ def finish(
     poses = refine(track, poses, map_.resolution, refining)
     start = track.poses[0].compose(poses[0].inverse())
     poses = [track.poses[0], *(start.compose(pose) for pose in poses[1:])]
-    grid = OccupancyGrid(map_)
-    for keyframe in track.keyframes:
-        grid.integrate(poses[keyframe.scan], keyframe.perception)
+    grid = rebuild(track, poses, map_)
     scans = [track.keyframes[stretch.anchor].scan for stretch in closed.stretches]
     found = tuple(
         Loop(scans[edge.from_], scans[edge.to], edge.measured, score, information_of(edge))
@@ -69,24 +68,49 @@ def finish(
     return Finished(poses, grid, found)
 
 
+def rebuild(track: Track, poses: list[Pose2D], map_: MapParameters) -> OccupancyGrid:
+    """The map that the keyframes make at these poses; it has no likelihood field."""
+    grid = OccupancyGrid(map_)
+    for keyframe in track.keyframes:
+        grid.integrate(poses[keyframe.scan], keyframe.perception, field=False)
+    return grid
+
+
 def refine(
     track: Track, poses: list[Pose2D], cell: float, parameters: RefineParameters
 ) -> list[Pose2D]:
-    """Fit every scan to the walls that all keyframes show, again and again until nothing moves."""
+    """Fit every scan to the walls that all keyframes show; the keyframes again and again, until
+    they move no longer, and then all scans."""
+    poses, keys = list(poses), [keyframe.scan for keyframe in track.keyframes]
     for _ in range(parameters.rounds):
-        walls = SurfelMap(cell)
-        for keyframe in track.keyframes:
-            walls.add(poses[keyframe.scan].apply(track.points[keyframe.scan].astype(np.float64)))
-        fitted = []
-        for points, pose in zip(track.points, poses, strict=True):
-            fit = walls.fit(points.astype(np.float64), pose)
-            near = pose.distance(fit.pose) <= parameters.farthest_m
-            fitted.append(fit.pose if near and fit.fitted >= parameters.fewest else pose)
-        moved = float(np.mean([a.distance(b) for a, b in zip(poses, fitted, strict=True)]))
-        poses = fitted
-        if moved < parameters.still_m:
+        walls = walls_of(track, poses, cell)
+        fitted = [refit(walls, track, poses, scan, parameters) for scan in keys]
+        moved = [poses[scan].distance(pose) for scan, pose in zip(keys, fitted, strict=True)]
+        for scan, pose in zip(keys, fitted, strict=True):
+            poses[scan] = pose
+        if sum(moved) < parameters.still_m * len(moved):
             break
-    return poses
+    walls = walls_of(track, poses, cell)
+    return [refit(walls, track, poses, scan, parameters) for scan in range(len(poses))]
+
+
+def walls_of(track: Track, poses: list[Pose2D], cell: float) -> SurfelMap:
+    """The walls as the keyframes show them."""
+    walls = SurfelMap(cell)
+    for keyframe in track.keyframes:
+        points = track.points[keyframe.scan].astype(np.float64)
+        walls.add(poses[keyframe.scan].apply(points))
+    return walls
+
+
+def refit(
+    walls: SurfelMap, track: Track, poses: list[Pose2D], scan: int, parameters: RefineParameters
+) -> Pose2D:
+    """A scan's pose fitted to the walls, unless they say too little or lead astray."""
+    pose = poses[scan]
+    fit = walls.fit(track.points[scan].astype(np.float64), pose)
+    near = pose.distance(fit.pose) <= parameters.farthest_m
+    return fit.pose if near and fit.fitted >= parameters.fewest else pose
 
 
 def information_of(edge: Edge) -> Information:

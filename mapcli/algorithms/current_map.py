@@ -52,7 +52,7 @@ class CurrentMap:
         self.grid, self.parameters = grid, parameters
         self._younger: OccupancyGrid | None = None
         self._updated_at: Pose2D | None = None
-        self._metres, self._young_updates = 0.0, 0
+        self._metres, self._young_from, self._young_updates = 0.0, 0.0, 0
 
     def update(self, pose: Pose2D, perception: Perception) -> bool:
         """Line 10, if the robot has come far enough since the last update; whether it has."""
@@ -81,9 +81,11 @@ class CurrentMap:
             return
         if self._younger is None and self._metres >= p.most_m - p.least_m:
             self._younger, self._young_updates = OccupancyGrid(self.grid.parameters), 0
+            self._young_from = self._metres
         if self._younger is None:
             return
         self._younger.integrate(pose, perception)
         self._young_updates += 1
         if self._metres >= p.most_m and self._young_updates >= p.least_updates:
-            self.grid, self._younger, self._metres = self._younger, None, p.least_m
+            self.grid, self._younger = self._younger, None
+            self._metres -= self._young_from

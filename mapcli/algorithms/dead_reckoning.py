@@ -104,8 +104,8 @@ class DeadReckoning:
         """How far off a predicted pose may be after a motion."""
         return self.model.spread(motion)
 
-    def learn(self, found: Pose2D, covariance: NDArray[np.float64] | None) -> None:
+    def learn(self, found: Pose2D, information: NDArray[np.float64] | None) -> None:
         """Compare the last motion with the one that the map shows, see `OdometryCalibration`."""
-        if self._counted is not None and covariance is not None:
+        if self._counted is not None and information is not None:
             spread = self.model.spread(self._counted)
-            self.calibration.learn(self._counted, found, covariance, (spread.xy, spread.turn))
+            self.calibration.learn(self._counted, found, information, (spread.xy, spread.turn))

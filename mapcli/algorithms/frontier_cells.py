@@ -14,7 +14,11 @@ def frontier_cells(grid: GridMap, low: float = 0.5) -> NDArray[np.bool_]:
     A frontier cell is known, has a probability below `low`, and is left, right, above or below
     of an unknown cell. The edge of the map is no frontier.
     """
-    unknown = np.pad(~grid.known, 1, constant_values=False)
-    touches = unknown[:-2, 1:-1] | unknown[2:, 1:-1] | unknown[1:-1, :-2] | unknown[1:-1, 2:]
-    frontier: NDArray[np.bool_] = (grid.cells < np.float32(low)) & touches
+    unknown = grid.each(np.isnan)
+    frontier = np.zeros(unknown.shape, dtype=np.bool_)
+    frontier[1:] |= unknown[:-1]
+    frontier[:-1] |= unknown[1:]
+    frontier[:, 1:] |= unknown[:, :-1]
+    frontier[:, :-1] |= unknown[:, 1:]
+    frontier &= grid.each(lambda cells: cells < np.float32(low))
     return frontier

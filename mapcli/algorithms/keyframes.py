@@ -8,7 +8,7 @@ closed between.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.dead_reckoning import OdometryModel
 from mapcli.algorithms.perception import Perception
+from mapcli.algorithms.surfels import covariance_of
 from mapcli.model.pose import Pose2D, interpolate
 
 
@@ -60,7 +61,7 @@ class Track:
     def add_keyframe(
         self, perception: Perception, match: NDArray[np.float64] | None, wheels: OdometryModel
     ) -> None:
-        """The last scan is a keyframe; `match` is the covariance that the map left, if any."""
+        """The last scan is a keyframe; `match` is the information from the map, if any."""
         motion, metres, pose = Pose2D(), 0.0, self.poses[-1]
         if self.keyframes:
             last = self.keyframes[-1]
@@ -79,9 +80,8 @@ def step_covariance(
     """Of a motion from keyframe to keyframe, shape (3, 3): map and wheels together say where the
     robot is, and neither is better than tracking is at best."""
     spread, way = wheels.spread(motion), math.hypot(motion.x, motion.y) + abs(motion.theta)
-    covariance = np.diag([spread.xy**2, spread.xy**2, spread.turn**2])
-    if match is not None:
-        covariance = np.linalg.inv(np.linalg.inv(covariance) + np.linalg.inv(match))
+    information = np.diag([spread.xy**-2, spread.xy**-2, spread.turn**-2])
+    covariance = covariance_of(information if match is None else information + match)
     floor: NDArray[np.float64] = max(way, 0.01) * np.diag(
         [TRACKING[0] ** 2, TRACKING[0] ** 2, TRACKING[1] ** 2]
     )
@@ -115,7 +115,7 @@ def around(keyframes: list[Keyframe], anchor: int, metres: float) -> range:
     """Keyframes at most so many metres before or after an anchor."""
     at = keyframes[anchor].metres
     first = bisect_left(keyframes, at - metres, key=lambda k: k.metres)
-    last = bisect_left(keyframes, at + metres, key=lambda k: k.metres)
+    last = bisect_right(keyframes, at + metres, key=lambda k: k.metres)
     return range(min(first, anchor), max(last, anchor + 1))
 
 

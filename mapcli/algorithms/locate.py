@@ -17,6 +17,11 @@ from mapcli.model.pose import Pose2D
 MOST_NODES = 60_000_000
 """Squares times headings that are looked into: some seconds, and 1 GB."""
 
+CERTAIN = 0.8
+"""The agreement that tells the right place: somewhere in a map, any scan finds walls for up to
+three quarters of its points (scans of one building in the maps of others), where it belongs for
+0.86 of them and more (`benchmarks/RESULTS.md`)."""
+
 SEARCH_CELLS = 4.0
 """Cells between the points that are searched for: walls make themselves known with fewer."""
 
@@ -55,6 +60,6 @@ def locate(grid: OccupancyGrid, perception: Perception, parameters: MatchParamet
     overlap, score = kernels.overlap(
         grid.log_odds, grid.fields[0], points / cell, grid.pose_to_cells(fit.pose)
     )
-    found = score >= parameters.odd_below and overlap >= parameters.lost_overlap * len(points)
+    found = score >= CERTAIN and overlap >= parameters.lost_overlap * len(points)
     match = Match(fit.pose, score, overlap, found)
     return match if found else replace(match, pose=Pose2D())

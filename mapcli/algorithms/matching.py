@@ -56,6 +56,8 @@ class MatchParameters:
         similarity: how `book` compares; `window` always uses the likelihood field.
         prior: the most that leaving the odometry's pose costs, as a share of a perfect score.
         prior_knee: squared standard deviations that cost half of it.
+        indifferent: the pose next to the odometry's is taken when its agreement is at most this
+            much less than the best one's.
         refine: go on from the best test position to the last millimetres.
         fewest: a scan of fewer points says nothing; `usual`: a scan of fewer says less than it
             seems to, so the prior weighs as if it had that many.
@@ -75,11 +77,12 @@ class MatchParameters:
     similarity: Similarity = "product"
     prior: float = 0.1
     prior_knee: float = 9.0
+    indifferent: float = 0.03
     refine: bool = True
     fewest: int = 5
     usual: int = 40
-    lost_below: float = 0.75
-    lost_gain: float = 0.2
+    lost_below: float = 0.9
+    lost_gain: float = 0.1
     lost_overlap: float = 0.4
     lost_xy: float = 0.5
     lost_xy_per_m: float = 2.2
@@ -96,15 +99,15 @@ class Match:
         score: agreement of the scan with the map where both know something, 0 to 1.
         overlap: points of the scan that fall there.
         found: whether the scan could say anything; otherwise the pose is the odometry's.
-        covariance: shape (3, 3), of (x, y, theta) in the robot's frame, as far as the map alone
-            fixes the pose; None where it was not asked.
+        information: shape (3, 3), how well the map alone fixes the pose, in the robot's frame:
+            the inverse of a covariance of metres and radians; None where it was not asked.
     """
 
     pose: Pose2D
     score: float
     overlap: int
     found: bool
-    covariance: NDArray[np.float64] | None = None
+    information: NDArray[np.float64] | None = None
 
 
 def best_pose(
@@ -162,7 +165,17 @@ class _Window:
         low = p.lost_below * usual_score
         if best.score < low:
             best = self._doubt(best, usual_score, half_xy)
+        elif p.refine and self._is_far(best.pose):
+            # Along a wall the scan fits best where it covers most of the map, which is where
+            # it was taken before; odometry knows better unless the map contradicts.
+            stay = self._settle(self.predicted)
+            best = stay if stay.score >= best.score - p.indifferent else best
         return best if best.found else replace(best, pose=self.predicted)
+
+    def _is_far(self, pose: Pose2D) -> bool:
+        """Whether a pose is farther from the predicted one than odometry usually errs."""
+        turn = abs(self.predicted.between(pose).theta)
+        return self.predicted.distance(pose) > self.spread.xy or turn > self.spread.turn
 
     def _doubt(self, best: Match, usual_score: float, half_xy: float) -> Match:
         """The scan fits the map worse than usual: odometry may be lost, or the map too young."""
@@ -189,7 +202,7 @@ class _Window:
             (reach, math.ceil(half_turn / self.turn_step)),
             (self.stride, self.turn_step),
             (self.weight, self.parameters.prior_knee, cell_prior, step_prior),
-            2 if reach < 32 else 3,
+            2 if reach < 8 else 3,
         )
         return self._settle(
             self.grid.pose_from_cells(start + np.array([du, dv, turn * self.turn_step]))
@@ -197,11 +210,11 @@ class _Window:
 
     def _settle(self, near: Pose2D) -> Match:
         """Refine a pose, and see how well the scan agrees with the map there."""
-        pose, covariance = self._refine(near) if self.parameters.refine else (near, None)
+        pose, information = self._refine(near) if self.parameters.refine else (near, None)
         overlap, agreement = kernels.overlap(
             self.grid.log_odds, self.grid.fields[0], self.points, self.grid.pose_to_cells(pose)
         )
-        return Match(pose, agreement, overlap, overlap >= self.parameters.fewest, covariance)
+        return Match(pose, agreement, overlap, overlap >= self.parameters.fewest, information)
 
     def _cover(self, half_xy: float, half_turn: float) -> None:
         """Make the map hold every point of every pose in the window."""
@@ -218,7 +231,7 @@ class _Window:
         fit = self.grid.walls.fit(points, near, self.predicted, spread)
         moved = near.distance(fit.pose) + abs(near.between(fit.pose).theta) * self.radius
         trusted = fit.fitted >= self.parameters.fewest and moved < FARTHEST_REFINEMENT * self.cell
-        return (fit.pose, fit.covariance()) if trusted else (near, None)
+        return (fit.pose, fit.in_own_frame()) if trusted else (near, None)
 
 
 def best_of_fifteen(

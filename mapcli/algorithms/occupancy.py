@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms._kernels.mapping import integrate_beams, update_field
+from mapcli.algorithms._kernels.mapping import bridge_walls, integrate_beams, update_field
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.surfels import SurfelMap
 from mapcli.errors import DataError
@@ -122,10 +123,10 @@ class OccupancyGrid:
             slice(-grid._u0, known.columns - grid._u0),
         )
         grid.log_odds[rows, columns] = log_odds_of(known.cells[::-1], grid.parameters)
-        walls = np.argwhere(grid.log_odds > 0).astype(np.int32)
+        walls = np.argwhere(grid.log_odds > 0)
         if not len(walls):
             raise DataError("no occupied cell", expected="a map with walls")
-        update_field(grid.fields, LEVEL_WIDTHS, grid.log_odds, walls, grid._bump)
+        grid.make_field()
         corner = np.array([grid._u0, grid._v0]) + 0.5
         grid.walls.add((walls[:, ::-1] + corner) * known.resolution + grid._base)
         return grid
@@ -191,28 +192,51 @@ class OccupancyGrid:
         self.log_odds, self.fields = log_odds, fields
         self._u0, self._v0 = u0, v0
 
-    def integrate(self, pose: Pose2D, perception: Perception) -> None:
-        """Line 10 of Algorithm 9.2: write what was perceived at a world pose into the map."""
+    def integrate(self, pose: Pose2D, perception: Perception, *, field: bool = True) -> None:
+        """Line 10 of Algorithm 9.2: write what was perceived at a world pose into the map.
+
+        Without `field`, the likelihood field stays behind until `make_field` is called, which is
+        cheaper for a map that is made first and searched afterwards, or never.
+        """
         ends = pose.apply(np.concatenate([perception.hits, perception.open_ends]))
         laser = pose.apply(perception.laser[None, :])
         if not len(ends):
             return
         both = np.concatenate([ends, laser])
         self.cover(both.min(axis=0), both.max(axis=0))
-        self._write(self.to_cells(laser)[0], self.to_cells(ends), len(perception.hits))
-        self.walls.add(ends[: len(perception.hits)])
+        hits = len(perception.hits)
+        self.walls.add(ends[:hits])
+        ends = self.to_cells(ends)
+        changed = self._write(self.to_cells(laser)[0], ends, hits)
+        if field:
+            update_field(self.fields, LEVEL_WIDTHS, self.log_odds, changed, self._bump)
+            bridge_walls(self.fields, LEVEL_WIDTHS, self.log_odds, ends[:hits], self._bump)
 
-    def _write(self, laser: NDArray[np.float64], ends: NDArray[np.float64], hits: int) -> None:
+    def _write(
+        self, laser: NDArray[np.float64], ends: NDArray[np.float64], hits: int
+    ) -> NDArray[np.int32]:
+        """Write beams into the log-odds; the cells that matter to the field, shape (n, 2)."""
         p = self.parameters
         lengths = np.abs(np.floor(ends) - np.floor(laser)).sum(axis=1)
         needed = int(lengths.sum()) + len(ends)
         if len(self._changed) < needed:
             self._changed = np.empty((2 * needed, 2), dtype=np.int32)
+        rules = p.hit, p.miss, p.highest, p.lowest
         count = integrate_beams(
-            self.log_odds, laser, ends, hits, (p.hit, p.miss, p.highest, p.lowest), self._changed
+            self.log_odds, self.fields[0], laser, ends, hits, rules, self._changed
         )
-        changed = self._changed[:count]
-        update_field(self.fields, LEVEL_WIDTHS, self.log_odds, changed, self._bump)
+        return self._changed[:count]
+
+    def make_field(self) -> None:
+        """Make the likelihood field of all walls at once."""
+        self.fields[:] = 0
+        walls = np.argwhere(self.log_odds > 0).astype(np.int32)
+        update_field(self.fields[:1], LEVEL_WIDTHS[:1], self.log_odds, walls, self._bump)
+        for level, (width, wider) in enumerate(pairwise(LEVEL_WIDTHS.tolist()), start=1):
+            bound = self.fields[level - 1]
+            for axis in (0, 1):
+                bound = highest_ahead(bound, wider // width, width, axis)
+            self.fields[level] = bound
 
     def to_grid_map(self) -> GridMap:
         """The obstacle probabilities, cropped to what is known and two cells around it."""
@@ -233,6 +257,21 @@ class OccupancyGrid:
             round((self._v0 + v) * p.resolution + float(self._base[1]), 9),
         )
         return GridMap.from_bottom_up(table[part - p.lowest], p.resolution, corner)
+
+
+def highest_ahead(
+    values: NDArray[np.uint8], count: int, stride: int, axis: int
+) -> NDArray[np.uint8]:
+    """For every place the highest of `count` values along an axis, `stride` apart, from it on."""
+    highest = values.copy()
+    size = values.shape[axis]
+    for k in range(1, count):
+        here = [slice(None), slice(None)]
+        there = [slice(None), slice(None)]
+        here[axis], there[axis] = slice(size - k * stride), slice(k * stride, size)
+        target = highest[tuple(here)]
+        np.maximum(target, values[tuple(there)], out=target)
+    return highest
 
 
 def log_odds_of(probabilities: NDArray[np.float32], parameters: MapParameters) -> NDArray[np.int16]:

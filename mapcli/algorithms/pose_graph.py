@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from mapcli.algorithms.keyframes import moved_covariance
 from mapcli.model.pose import Pose2D
 
+DOUBTS = 10.0, 1.0
+"""Standard deviations at which a loop's say has halved, from one optimisation to the next."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edge:
@@ -108,17 +111,25 @@ class PoseGraph:
 
     def optimise(self) -> None:
         """Move the poses to where all edges together are satisfied best (Levenberg-Marquardt,
-        by GTSAM); a loop that contradicts the others has less and less say (Cauchy)."""
+        by GTSAM); a loop that contradicts the others has less say (Cauchy).
+
+        Contradiction is judged ever more strictly, as before the first step even right loops
+        contradict the drift that they are there to undo (graduated non-convexity).
+        """
+        for doubt in DOUBTS:
+            self._optimise(doubt)
+
+    def _optimise(self, doubt: float) -> None:
         import gtsam  # slow to import, and most short logs have no loops
 
         noise, factors, values = gtsam.noiseModel, gtsam.NonlinearFactorGraph(), gtsam.Values()
-        doubt = noise.mEstimator.Cauchy.Create(1.0)
+        robust = noise.mEstimator.Cauchy.Create(doubt)
         for number, pose in enumerate(self.poses):
             values.insert(number, gtsam.Pose2(pose.x, pose.y, pose.theta))
         factors.add(gtsam.PriorFactorPose2(0, values.atPose2(0), noise.Constrained.All(3)))
         for edge in self.edges:
             gaussian = noise.Gaussian.Covariance(edge.covariance)
-            model = noise.Robust.Create(doubt, gaussian) if edge.is_loop else gaussian
+            model = noise.Robust.Create(robust, gaussian) if edge.is_loop else gaussian
             m = edge.measured
             between = gtsam.Pose2(m.x, m.y, m.theta)
             factors.add(gtsam.BetweenFactorPose2(edge.from_, edge.to, between, model))

@@ -70,6 +70,7 @@ class Slam:
         self.parameters = p = parameters or SlamParameters()
         self.current = CurrentMap(known or OccupancyGrid(p.map), p.current)
         self.pose = start or Pose2D()
+        self._is_continued = known is not None
         self._is_lost, self._tries = known is not None and start is None, 0
         self.odometry = DeadReckoning(p.odometry, p.calibration)
         self.track = Track()
@@ -94,12 +95,13 @@ class Slam:
         b = Match(n, 0.0, 0, found=False)
         if self._is_lost:
             b = self._locate(p)
-        elif not first:  # 5-8: the best test position around n
+        elif not first or self._is_continued:  # 5-8: the best test position around n
             spread = self.odometry.spread(motion)
             b = best_pose(self.map, p, n, spread, self.parameters.match, self._usual_score)
             self._learn(c, b)
         n = b.pose  # 9: replace new position by best position
-        self._record(p, n, b, in_map=self.current.update(n, p))  # 10: update map based on it
+        in_map = not self._is_lost and self.current.update(n, p)  # 10: update map based on it
+        self._record(p, n, b, in_map=in_map)
         self.pose, self._has_begun = n, True  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
         return TracedPose(scan.stamp_ns, n, odom, b.score if b.found else None, status)
@@ -107,10 +109,11 @@ class Slam:
     def _locate(self, perception: Perception) -> Match:
         """The first position in a known map."""
         match = locate(self.map, perception, self.parameters.match)
-        self._is_lost, self._tries = not match.found, self._tries + 1
+        self._is_lost = not match.found
+        self._tries += len(perception.hits) >= self.parameters.match.fewest
         if self._is_lost and self._tries == MOST_TRIES:
             raise DataError(
-                f"the first {MOST_TRIES} scans are found nowhere in the known map",
+                f"{MOST_TRIES} scans are found nowhere in the known map",
                 expected="--initial-pose, or another map",
             )
         return match
@@ -119,7 +122,7 @@ class Slam:
         """What the match tells about scores and wheels."""
         if match.found:
             self._usual_score += SCORE_MEMORY * (match.score - self._usual_score)
-            self.odometry.learn(before.between(match.pose), match.covariance)
+            self.odometry.learn(before.between(match.pose), match.information)
 
     def _record(self, perception: Perception, pose: Pose2D, match: Match, *, in_map: bool) -> None:
         """Keep what is needed when the log has ended."""
@@ -127,7 +130,7 @@ class Slam:
             return
         self.track.add(pose, thinned(perception.hits, self.parameters.map.resolution))
         if in_map:
-            self.track.add_keyframe(perception, match.covariance, self.parameters.odometry)
+            self.track.add_keyframe(perception, match.information, self.parameters.odometry)
 
     @property
     def stretches(self) -> int:

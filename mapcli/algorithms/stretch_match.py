@@ -19,9 +19,14 @@ from mapcli.algorithms._kernels.ambiguity import fits
 from mapcli.algorithms.keyframes import Keyframe, around
 from mapcli.algorithms.matching import thinned
 from mapcli.algorithms.occupancy import LEVEL_WIDTHS, MapParameters, OccupancyGrid
+from mapcli.algorithms.perception import Perception
+from mapcli.algorithms.surfels import covariance_of
 from mapcli.model.pose import Pose2D
 
 TURN_STEP = math.radians(0.5)
+
+STRIDE = 2
+"""Cells between poses that are asked whether they would have fitted as well."""
 
 EDGE = 2
 """Cells, or steps of the turn, from the edge of a window at which a better fit may lie outside."""
@@ -33,6 +38,7 @@ class StretchParameters:
 
     Attributes:
         points_m, map_m: metres before and after an anchor whose points, or whose map, are taken.
+        farthest: metres from the robot to what counts.
         apart_m, apart_deg: keyframes nearer to the last one taken than both are left out.
         search_cell, cell: metres between points that are searched for, and that are fitted.
         prior: the most that a pose loses by being unlikely, as a share of a perfect score.
@@ -45,6 +51,7 @@ class StretchParameters:
 
     points_m: float = 5.0
     map_m: float = 10.0
+    farthest: float = 25.0
     apart_m: float = 0.5
     apart_deg: float = 30.0
     search_cell: float = 0.2
@@ -116,7 +123,7 @@ class StretchMatcher:
         cells = thinned(points, self.parameters.search_cell) / cell
         du, dv, turn, _, _ = kernels.search(
             grid.fields, LEVEL_WIDTHS, cells, start, (reach, turns), (1, TURN_STEP),
-            self._prior(len(cells), deviations), 2 if reach < 32 else 3,
+            self._prior(len(cells), deviations), 2 if reach < 8 else 3,
         )  # fmt: skip
         best = start + np.array([du, dv, turn * TURN_STEP])
         fit = grid.walls.fit(points, grid.pose_from_cells(best))
@@ -126,14 +133,16 @@ class StretchMatcher:
         at_edge = max(abs(du), abs(dv)) >= reach - EDGE or abs(turn) >= turns - EDGE
         centre = np.array([start[0] - best[0], start[1] - best[1]]).round()
         doubt = self._doubt(grid, cells, best, centre, reach)
-        covariance = fit.covariance() + self._floor() + turned(doubt, -fit.pose.theta)
+        covariance = (
+            covariance_of(fit.in_own_frame()) + self._floor() + turned(doubt, -fit.pose.theta)
+        )
         return StretchMatch(fit.pose, covariance, score, known / len(cells), at_edge)
 
     def points(self, anchor: int) -> NDArray[np.float64]:
         """What was seen around a keyframe, shape (n, 2), in its frame."""
         p, origin = self.parameters, self.keyframes[anchor].pose
         seen = [
-            origin.between(self.keyframes[k].pose).apply(self.keyframes[k].perception.hits)
+            origin.between(self.keyframes[k].pose).apply(self._near(k).hits)
             for k in self._some(anchor, p.points_m)
         ]
         return thinned(np.concatenate(seen), p.cell)
@@ -145,20 +154,29 @@ class StretchMatcher:
             return self._maps[anchor]
         grid, origin = OccupancyGrid(self.map), self.keyframes[anchor].pose
         for k in self._some(anchor, self.parameters.map_m):
-            keyframe = self.keyframes[k]
-            grid.integrate(origin.between(keyframe.pose), keyframe.perception)
+            pose = origin.between(self.keyframes[k].pose)
+            grid.integrate(pose, self._near(k), field=False)
+        grid.make_field()
         self._maps[anchor] = grid
         if len(self._maps) > self.parameters.maps:
             self._maps.popitem(last=False)
         return grid
 
+    def _near(self, keyframe: int) -> Perception:
+        """What a keyframe saw near the robot; what is far away makes maps large for little."""
+        seen, farthest = self.keyframes[keyframe].perception, self.parameters.farthest
+        hits = seen.hits[(seen.hits**2).sum(axis=1) <= farthest**2]
+        return Perception(hits, np.empty((0, 2)), seen.laser)
+
     def _some(self, anchor: int, metres: float) -> list[int]:
         """Keyframes around an anchor, as many as it takes to see everything there."""
-        p, chosen = self.parameters, [anchor]
+        p = self.parameters
+        chosen: list[int] = []
         for k in around(self.keyframes, anchor, metres):
-            step = self.keyframes[chosen[-1]].pose.between(self.keyframes[k].pose)
+            last = self.keyframes[chosen[-1] if chosen else k].pose
+            step = last.between(self.keyframes[k].pose)
             far = math.hypot(step.x, step.y) >= p.apart_m
-            if far or abs(step.theta) >= math.radians(p.apart_deg):
+            if not chosen or k == anchor or far or abs(step.theta) >= math.radians(p.apart_deg):
                 chosen.append(k)
         return chosen
 
@@ -184,15 +202,15 @@ class StretchMatcher:
 
         `centre` is the window's, in cells from the best pose.
         """
-        stride, columns = 2, grid.log_odds.shape[1]
+        columns, count = grid.log_odds.shape[1], 2 * reach // STRIDE
         places = kernels.turned(cells, best, 0, 0.0, columns)[0]
-        places += int(centre[1]) * columns + int(centre[0])
-        sums = fits(grid.fields[1].reshape(-1), places, columns, reach, stride)
+        # Whole strides from the best pose, so that it is one of those that are asked.
+        low_u, low_v = (math.ceil((c - reach) / STRIDE) * STRIDE for c in centre.tolist())
+        sums = fits(grid.fields[1].reshape(-1), places, columns, (low_u, low_v), count, STRIDE)
         share = (sums - sums.max()) / (kernels.FULL * len(cells) * self.parameters.nearly)
         weights = np.exp(share)
-        steps = np.arange(len(sums)) * stride - reach
-        x = (steps + centre[0]) * self.map.resolution
-        y = (steps + centre[1]) * self.map.resolution
+        steps = np.arange(count) * STRIDE
+        x, y = ((steps + low) * self.map.resolution for low in (low_u, low_v))
         total = weights.sum()
         xx, yy = (weights * x**2).sum() / total, (weights.T * y**2).sum() / total
         xy = (weights * np.outer(y, x)).sum() / total

@@ -38,7 +38,7 @@ class SurfelParameters:
     doubt: float = 3.0
     independent: float = 0.3
     knee: float = 9.0
-    iterations: int = 10
+    iterations: int = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,16 +56,27 @@ class Fit:
     information: NDArray[np.float64]
     fitted: int
 
-    def covariance(self, least: float = 1e-4) -> NDArray[np.float64]:
-        """Shape (3, 3), in the fitted frame itself: ahead, left, turn; metres and radians.
-
-        `least` is information that is there anyway, so that nothing is infinitely uncertain.
-        """
+    def in_own_frame(self) -> NDArray[np.float64]:
+        """The information ahead, to the left and in turning, of the fitted pose itself."""
         cos, sin = math.cos(self.pose.theta), math.sin(self.pose.theta)
         turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        covariance = np.linalg.inv(self.information + least * np.eye(3))
-        moved: NDArray[np.float64] = turn @ covariance @ turn.T
+        moved: NDArray[np.float64] = turn @ self.information @ turn.T
         return moved
+
+
+def covariance_of(information: NDArray[np.float64], least: float = 1e-4) -> NDArray[np.float64]:
+    """The inverse of a symmetric information matrix, shape (3, 3).
+
+    `least` is information that is there anyway, so that nothing is infinitely uncertain. (Written
+    out, it takes a fifth of the time of a general inverse.)
+    """
+    (a, b, c), (_, d, e), (_, _, f) = (information + least * np.eye(3)).tolist()
+    aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
+    bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b
+    determinant = a * aa + b * ab + c * ac
+    inverse: NDArray[np.float64] = np.array([[aa, ab, ac], [ab, bb, bc], [ac, bc, cc]])
+    inverse /= determinant
+    return inverse
 
 
 class SurfelMap:

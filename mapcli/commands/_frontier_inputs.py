@@ -11,7 +11,7 @@ import click
 
 from mapcli.algorithms.explore import contradictions
 from mapcli.errors import DataError
-from mapcli.formats.grey import Dialect
+from mapcli.formats.dialects import Dialect
 from mapcli.formats.maps import load_map, read_file
 from mapcli.model.counting import counted
 from mapcli.model.exploration import Cell

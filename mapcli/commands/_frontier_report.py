@@ -94,7 +94,7 @@ def map_text(exploration: Exploration, low: float, width: int) -> list[str]:
     from mapcli.formats.text import number_rows
 
     grid = exploration.after
-    numbers = number_rows(grid.cells).decode().splitlines()
+    numbers = b"".join(number_rows(grid)).decode().splitlines()
     if len(numbers[0]) <= width:
         return numbers
     known = crop_to_known(grid, margin=1)

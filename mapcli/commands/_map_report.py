@@ -7,9 +7,11 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mapcli.commands._world_report import Points, cell_at, cell_line
+from mapcli.formats.dialects import Dialect
 from mapcli.formats.document import document
-from mapcli.formats.grey import Dialect
 from mapcli.formats.maps import LoadedMap, load_map, read_file
 
 OCCUPIED_FROM = 0.5
@@ -25,7 +27,7 @@ def map_report(file: str, dialect: Dialect, at: Points = ()) -> tuple[str, dict[
         digests[path.name] = hashlib.sha256(data).hexdigest()
         return data
 
-    loaded = load_map(file, dialect=dialect, read=reading)
+    loaded = load_map(file, dialect=dialect, read=reading, lenient=True)
     content = describe(loaded)
     queries = [cell_at(loaded.grid, point) for point in at]
     lines = [f"{file}: map, {loaded.format}", *_lines(content), *map(cell_line, queries)]
@@ -38,9 +40,9 @@ def map_report(file: str, dialect: Dialect, at: Points = ()) -> tuple[str, dict[
 def describe(loaded: LoadedMap) -> dict[str, Any]:
     """The facts about a map, ready for JSON."""
     grid, rule = loaded.grid, loaded.rule
-    known = int(grid.known.sum())
-    occupied = int((grid.cells >= OCCUPIED_FROM).sum())
-    graded = int(((grid.cells > 0) & (grid.cells < 1)).sum())
+    unknown = grid.count(np.isnan)
+    occupied = grid.count(lambda cells: cells >= OCCUPIED_FROM)
+    graded = grid.count(lambda cells: (cells > 0) & (cells < 1))
     image = None if rule is None else {
         "mode": rule.mode, "negate": rule.negate,
         "free_thresh": rule.free_thresh, "occupied_thresh": rule.occupied_thresh,
@@ -53,12 +55,12 @@ def describe(loaded: LoadedMap) -> dict[str, Any]:
         "origin": {"x": grid.origin.x, "y": grid.origin.y, "theta": grid.origin.theta},
         "image": image,
         "cells": {
-            "free": known - occupied,
+            "free": grid.stored.size - unknown - occupied,
             "occupied": occupied,
-            "unknown": grid.cells.size - known,
+            "unknown": unknown,
             "between_0_and_1": graded,
         },
-        "warnings": list(loaded.warnings),
+        "warnings": [*loaded.warnings, *loaded.remarks],
     }
 
 

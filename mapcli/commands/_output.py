@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import BinaryIO, TypeVar
@@ -104,15 +104,21 @@ def write_bytes(path: str | Path, data: bytes, *, no_clobber: bool = False) -> N
 
 
 def write_files(
-    directory: str | Path, files: dict[str, bytes], *, no_clobber: bool = False
-) -> None:
+    directory: str | Path, files: Mapping[str, bytes | Iterable[bytes]], *,
+    no_clobber: bool = False,
+) -> None:  # fmt: skip
     """Write the files of one result in the order given: all of them, or none when one cannot be
-    written, so that an older pair of image and YAML never ends up half replaced."""
+    written, so that an older pair of image and YAML never ends up half replaced.
+
+    Args:
+        files: name -> content, whole or in pieces.
+    """
     with ExitStack() as stack:
         # Files appear when their context closes, the last opened first.
-        for name, data in reversed(files.items()):
-            path = Path(directory) / name
-            stack.enter_context(output_file(path, no_clobber=no_clobber)).write(data)
+        for name in reversed(list(files)):
+            file = stack.enter_context(output_file(Path(directory) / name, no_clobber=no_clobber))
+            content = files[name]
+            file.writelines([content] if isinstance(content, bytes) else content)
 
 
 def write_beside(target: str, files: dict[str, bytes], *, no_clobber: bool = False) -> None:

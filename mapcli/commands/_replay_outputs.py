@@ -75,7 +75,7 @@ def check_replay_outputs(
         raise click.UsageError(f"--map {outputs.map}: does not end in {', '.join(SUFFIXES)}.")
     if outputs.trace not in (None, "-") and _suffix(outputs.trace) not in WRITERS:
         raise click.UsageError(f"--trace {outputs.trace}: does not end in {', '.join(WRITERS)}.")
-    check_outputs([*outputs.names(), *others], logs, "logs", no_clobber=no_clobber)
+    check_outputs([*outputs.names(), *others], logs, "files", no_clobber=no_clobber)
 
 
 def _suffix(name: str | None) -> str:

@@ -18,7 +18,7 @@ BOOK_SIDE = 64
 LABELLED_SIDE = 250
 """Numbers in the cells of larger maps could not be read."""
 
-LARGEST_PICTURE = 20_000
+LARGEST_PICTURE = 10_000
 """Pixels of a side, with --scale."""
 
 

@@ -37,7 +37,7 @@ from mapcli.commands._replay_outputs import (
 )
 from mapcli.commands._replay_perceptions import perception_files, write_perceptions
 from mapcli.errors import DataError
-from mapcli.formats.maps import load_map
+from mapcli.formats.maps import LoadedMap, load_map
 from mapcli.model.pose import Pose2D
 from mapcli.model.summary import Limit
 
@@ -134,10 +134,11 @@ def command(
     if localize and not known:
         raise click.UsageError("--localize needs --known, the map to find the poses in.")
     files = perception_files(folder or default_folder(logs[0]), saved)
-    inputs = [*logs, known] if known else logs
+    base = load_map(known) if known else None
+    inputs = [*logs, *(map(str, base.files) if base else ())]
     check_replay_outputs(outputs, inputs, list(files.values()), no_clobber=no_clobber)
     parameters = slam_parameters(loops=loop_closing and not known, frozen=localize, **model)
-    slam = Slam(parameters, initial_pose, known_map(known, parameters) if known else None)
+    slam = Slam(parameters, initial_pose, known_map(base, parameters) if base else None)
     replay = Replay(log_input.open(logs), log_input, slam, files)
     replay.run(quiet=quiet)
     summary, grid = replay.summary(), replay.grid()
@@ -204,14 +205,14 @@ def slam_parameters(
     )
 
 
-def known_map(name: str, parameters: SlamParameters) -> OccupancyGrid:
-    """The map of a file, to go on from.
+def known_map(base: LoadedMap, parameters: SlamParameters) -> OccupancyGrid:
+    """A map of a file, to go on from.
 
     Raises:
         DataError: of a map that cannot be gone on from, see `OccupancyGrid.of`.
     """
     try:
-        return OccupancyGrid.of(load_map(name).grid, parameters.map)
+        return OccupancyGrid.of(base.grid, parameters.map)
     except DataError as error:
-        error.file = error.file or name
+        error.file = error.file or str(base.files[0])
         raise

@@ -1,51 +1,51 @@
-"""What a map loses on its way into a file: the file is read back and compared."""
+"""What a map loses on its way into a file, by what its readers will find there."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from pathlib import PurePath
 
 import numpy as np
 
-from mapcli.formats.maps import Format, load_map
+from mapcli.formats.map_output import SaveOptions, as_written, format_of
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
 
 
-def losses(
-    grid: GridMap, files: Mapping[str, bytes], name: str, form: Format | None = None
-) -> list[str]:
-    """Sentences about what `files`, the outcome of `dump_map`, do not hold of `grid`.
-
-    Args:
-        grid: the map that was written.
-        files: name -> content.
-        name: which of them is the map.
-        form: the map's format where its name does not say.
-    """
-    written = load_map(name, read=lambda path: files[path.name], form=form)
-    found = _cell_losses(grid, written.grid)
-    if written.grid.resolution != grid.resolution or written.grid.origin != grid.origin:
-        found.append("the resolution and the origin are lost")
-    return found
-
-
-def _cell_losses(grid: GridMap, written: GridMap) -> list[str]:
-    before, after = grid.cells, written.cells
-    if np.array_equal(before, after, equal_nan=True):
-        return []
-    forgotten = grid.known & ~written.known
-    invented = ~grid.known & written.known
-    changes = np.abs(after - before)
-    changed = int(np.count_nonzero(changes > 0))
+def losses(grid: GridMap, path: str | PurePath, options: SaveOptions | None = None) -> list[str]:
+    """Sentences about what the outcome of `map_files` does not hold of `grid`, read back by the
+    rules of `options.dialect`."""
+    options = options or SaveOptions()
+    written = as_written(grid, path, options)
+    changed = forgotten = invented = 0
+    largest, value = 0.0, 0.0
+    for before, counts in grid.tally():
+        after = written(before)
+        known, stays = ~np.isnan(before), ~np.isnan(after)
+        used = counts > 0
+        changes = np.where(known & stays & used, np.abs(after - before), 0)
+        changed += int(counts[changes > 0].sum())
+        largest = max(largest, float(changes.max(initial=0)))
+        forgotten += int(counts[known & ~stays].sum())
+        news = ~known & stays & used
+        invented += int(counts[news].sum())
+        value = float(after[news][0]) if news.any() else value
     found = []
     if changed:
-        largest = float(np.fmax.reduce(changes, axis=None))
-        found.append(
-            f"{counted(changed, 'cells whose probability changes')}, by up to {largest:.2g}"
-        )
-    if forgotten.any():
-        found.append(counted(int(forgotten.sum()), "cells known before and unknown now"))
-    if invented.any():
-        value = float(after[invented][0])
-        found.append(counted(int(invented.sum()), f"cells unknown before and {value:.2g} now"))
-    return found
+        cells = counted(changed, "cells whose probability changes")
+        found.append(f"{cells}, by up to {largest:.2g}")
+    if forgotten:
+        found.append(counted(forgotten, "cells known before and unknown now"))
+    if invented:
+        found.append(counted(invented, f"cells unknown before and {value:.2g} now"))
+    return found + _unreadable(path, options)
+
+
+def _unreadable(path: str | PurePath, options: SaveOptions) -> list[str]:
+    """What the dialect's own reader would refuse."""
+    kind = format_of(path, options)
+    image = kind in ("yaml", "pgm", "png") and not options.inline
+    if image and options.image_kind(kind) == "pgm" and options.bits == 16 and (
+        options.dialect == "ros1"
+    ):  # fmt: skip
+        return ["ROS 1's map_server cannot read a PGM of 16 bits"]
+    return []

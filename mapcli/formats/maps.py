@@ -17,13 +17,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from mapcli.errors import FormatError
-from mapcli.formats.grey import UNKNOWN_GREY, Dialect, GreyImage, GreyRule
+from mapcli.formats.dialects import Dialect
+from mapcli.formats.grey import GreyRule, MapImage
+from mapcli.formats.image_cells import cells_of_image
 from mapcli.formats.map_output import FORMATS, SUFFIXES, Format, SaveOptions, dump_map
 from mapcli.formats.text import read_text
-from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 
@@ -55,6 +54,7 @@ class LoadedMap:
         files: what was read, the named file first.
         rule: what the image's grey means; None for maps without an image.
         warnings: sentences for the user, each without the file's name.
+        remarks: the same about what other programs may stumble over; for `mapcli info`.
     """
 
     grid: GridMap
@@ -62,6 +62,7 @@ class LoadedMap:
     files: tuple[Path, ...]
     rule: GreyRule | None = None
     warnings: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 def read_file(path: Path, expected: str = "a map file") -> bytes:
@@ -91,6 +92,7 @@ def load_map(
     origin: Pose2D | None = None,
     form: Format | None = None,
     read: ReadBytes = read_file,
+    lenient: bool = False,
 ) -> LoadedMap:
     """Load a map of any format.
 
@@ -100,39 +102,44 @@ def load_map(
         resolution, origin: used in the place of what the file says.
         form: the format, when it is known otherwise than by suffix or content.
         read: where bytes come from.
+        lenient: put up with an origin that is not finite, with a warning.
 
     Raises:
         FormatError: the file, or the image it names, does not hold a map.
         DataError: a resolution that is not positive.
     """
-    loaded = _load(Path(path), dialect, resolution, origin, form, read)
+    loaded = _load(Path(path), form, _Reading(dialect, resolution, origin, read, lenient))
     if resolution is None and origin is None:
         return loaded
     grid = loaded.grid
     size = grid.resolution if resolution is None else resolution
-    return replace(loaded, grid=GridMap(grid.cells, size, origin or grid.origin))
+    return replace(loaded, grid=GridMap(grid.stored, size, origin or grid.origin))
 
 
-def _load(
-    path: Path,
-    dialect: Dialect,
-    resolution: float | None,
-    origin: Pose2D | None,
-    form: Format | None,
-    read: ReadBytes,
-) -> LoadedMap:
-    data = read(path)
-    if not data.strip():
+@dataclass(frozen=True)
+class _Reading:
+    """How a map is read, see `load_map`."""
+
+    dialect: Dialect
+    resolution: float | None
+    origin: Pose2D | None
+    read: ReadBytes
+    lenient: bool
+
+
+def _load(path: Path, form: Format | None, reading: _Reading) -> LoadedMap:
+    data = reading.read(path)
+    if data[:1000].isspace() or not data:
+        data = data if data.strip() else b""
+    if not data:
         raise FormatError("is empty", file=path, expected="a map")
     kind = form or SUFFIXES.get(path.suffix.lower()) or sniff(data)
     if kind == "txt":
         grid, cells = read_text(data, str(path))
         return LoadedMap(grid, f"text, {cells}", (path,))
     if kind == "yaml":
-        return _load_yaml(path, data, dialect, read)
-    assumed = [] if resolution else ["1 m per cell"]
-    assumed += [] if origin else ["origin 0, 0, 0"]
-    return _load_image(path, data, dialect, assumed)
+        return _load_yaml(path, data, reading)
+    return _load_image(path, data, reading)
 
 
 def sniff(data: bytes) -> Format:
@@ -145,16 +152,17 @@ def sniff(data: bytes) -> Format:
     return "yaml" if yaml_keys.search(data[:100_000]) else "txt"
 
 
-def _load_yaml(path: Path, data: bytes, dialect: Dialect, read: ReadBytes) -> LoadedMap:
+def _load_yaml(path: Path, data: bytes, reading: _Reading) -> LoadedMap:
     from mapcli.formats.yaml_map import CellsYaml, read_yaml
 
-    meta = read_yaml(data, str(path))
+    meta = read_yaml(data, str(path), lenient=reading.lenient)
     if isinstance(meta, CellsYaml):
-        return LoadedMap(meta.grid, "YAML with cells", (path,), warnings=meta.warnings)
+        found = (meta.warnings, meta.remarks)
+        return LoadedMap(meta.grid, "YAML with cells", (path,), None, *found)
     folder = Path() if str(path) == "-" or meta.image.startswith("~/") else path.parent
     image_path = folder / meta.image
     try:
-        pixels = read(image_path)
+        pixels = reading.read(image_path)
     except FormatError as error:
         raise FormatError(
             f"image {meta.image!r}: {error.problem}",
@@ -163,23 +171,26 @@ def _load_yaml(path: Path, data: bytes, dialect: Dialect, read: ReadBytes) -> Lo
             expected=f"a PGM or PNG file at {image_path}",
         ) from error
     image = _decode(pixels, image_path)
-    return _map_of(image, meta, dialect, f"YAML with {image.kind}", (path, image_path))
+    return _map_of(image, meta, reading.dialect, f"YAML with {image.kind}", (path, image_path))
 
 
-def _load_image(path: Path, data: bytes, dialect: Dialect, assumed: list[str]) -> LoadedMap:
-    """An image alone; `assumed` is what its metadata would have said and nobody did."""
+def _load_image(path: Path, data: bytes, reading: _Reading) -> LoadedMap:
+    """An image alone."""
     from mapcli.formats.yaml_map import Document, ImageMeta, read_image_meta
 
     image = _decode(data, path)
     if image.note:
         document = Document.parse(image.note.encode(), f"{path}: metadata inside the image")
-        meta = read_image_meta(document, embedded=True)
+        meta = read_image_meta(document, embedded=True, lenient=reading.lenient)
     else:
-        meta = ImageMeta("", 0, 1.0, Pose2D(), GreyRule(), _assumption(path, assumed))
-    return _map_of(image, meta, dialect, image.kind, (path,))
+        meta = ImageMeta("", 0, 1.0, Pose2D(), GreyRule(), _assumption(path, reading))
+    return _map_of(image, meta, reading.dialect, image.kind, (path,))
 
 
-def _assumption(path: Path, assumed: list[str]) -> tuple[str, ...]:
+def _assumption(path: Path, reading: _Reading) -> tuple[str, ...]:
+    """A warning of what the metadata of an image would have said, and nobody did."""
+    assumed = [] if reading.resolution else ["1 m per cell"]
+    assumed += [] if reading.origin else ["origin 0, 0, 0"]
     beside = path.with_suffix(".yaml") if path.suffix else path
     hint = f"; {beside.name} beside it may say more" if path.suffix and beside.is_file() else ""
     used = ", ".join([*assumed, "trinary grey"])
@@ -187,15 +198,16 @@ def _assumption(path: Path, assumed: list[str]) -> tuple[str, ...]:
 
 
 def _map_of(
-    image: GreyImage, meta: ImageMeta, dialect: Dialect, kind: str, files: tuple[Path, ...]
+    image: MapImage, meta: ImageMeta, dialect: Dialect, kind: str, files: tuple[Path, ...]
 ) -> LoadedMap:
-    cells = meta.rule.cells(image, dialect)
-    warnings = (*meta.warnings, *image.warnings, *_doubts(image, meta.rule, dialect))
-    grid = GridMap(cells, meta.resolution, meta.origin)
-    return LoadedMap(grid, kind, files, meta.rule, warnings)
+    cells = cells_of_image(image, meta.rule, dialect)
+    warnings = (*meta.warnings, *image.warnings, *cells.warnings)
+    remarks = (*meta.remarks, *cells.remarks)
+    grid = GridMap(cells.percents, meta.resolution, meta.origin)
+    return LoadedMap(grid, kind, files, meta.rule, warnings, remarks)
 
 
-def _decode(data: bytes, path: Path) -> GreyImage:
+def _decode(data: bytes, path: Path) -> MapImage:
     """An image by its first bytes, whatever its name."""
     if data.startswith(b"\x89PNG"):
         from mapcli.formats.png import read_png
@@ -207,25 +219,3 @@ def _decode(data: bytes, path: Path) -> GreyImage:
         return read_pgm(data, str(path))
     problem = f"starts with {data[:8]!r}" if data else "is empty"
     raise FormatError(problem, file=path, expected="a PGM (P2, P5) or PNG image")
-
-
-def _doubts(image: GreyImage, rule: GreyRule, dialect: Dialect) -> list[str]:
-    """What a reader of this map should know: it may not mean what its author meant."""
-    grey = image.luma()
-    doubts = []
-    if rule.mode == "trinary":
-        customary = np.uint8(255 - UNKNOWN_GREY if rule.negate else UNKNOWN_GREY)
-        one = GreyImage(np.array([[[customary]]], dtype=np.uint8))
-        count = int(np.count_nonzero(grey == customary))
-        if count and rule.cells(one, dialect)[0, 0] == 0:
-            doubts.append(
-                f"{counted(count, 'cells')} of grey {customary}, which map savers write for "
-                f"unknown, read as open under free_thresh {rule.free_thresh:g}; with "
-                "free_thresh: 0.196 they stay unknown"
-            )
-    if rule.mode == "raw":
-        count = int(np.count_nonzero((grey > 100) & (grey < 255)))
-        if count:
-            cells = counted(count, "cells")
-            doubts.append(f"{cells} with neither 0 to 100 nor 255 in the image, read as unknown")
-    return doubts

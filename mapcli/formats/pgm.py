@@ -12,25 +12,24 @@ behind the line `# mapcli map`; other readers skip them.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.errors import FormatError
-from mapcli.formats.grey import GreyImage
+from mapcli.formats.grey import NOTE_TITLE, GreyImage, MapImage, refuse_size
 from mapcli.model.counting import counted
-
-MAX_CELLS = 1_000_000_000
-"""Larger images are refused instead of filling the memory of the machine."""
-
-NOTE_TITLE = "mapcli map"
+from mapcli.model.grid import bands
 
 _FIELD = re.compile(rb"(?:[ \t\r\n\v\f]|#[^\r\n]*[\r\n])*(\d+)")
 _COMMENT = re.compile(rb"#([^\r\n]*)")
+_PIECE = 1 << 24
+"""Bytes of numbers (P2) that are read at a time."""
 
 
-def read_pgm(data: bytes, file: str) -> GreyImage:
+def read_pgm(data: bytes, file: str) -> MapImage:
     """Read a PGM file's bytes.
 
     Raises:
@@ -41,23 +40,29 @@ def read_pgm(data: bytes, file: str) -> GreyImage:
     columns, rows, maxval, start = _header(data, file)
     warnings: list[str] = []
     read = _plain_pixels if data[:2] == b"P2" else _binary_pixels
-    pixels = read(data, start, rows * columns, maxval, file, warnings)
-    if pixels.max() > maxval:
-        at = divmod(int(np.argmax(pixels > maxval)), columns)
+    pixels = read(data, start, (rows, columns), maxval, file, warnings)
+
+    def part(top: int, bottom: int) -> GreyImage:
+        grey = pixels[top:bottom]
+        if maxval != 255:
+            grey = (grey.astype(np.uint32) * 510 + maxval) // (2 * maxval)
+        return GreyImage(grey.astype(np.uint8, copy=False)[:, :, None])
+
+    kind = f"PGM {data[:2].decode()}, {16 if maxval > 255 else 8} bit"
+    return MapImage(rows, columns, part, _note(data[:start]), kind, tuple(warnings))
+
+
+def _refuse_beyond(pixels: NDArray[Any], before: int, columns: int, maxval: int, file: str) -> None:
+    """Refuse pixels beyond the maxval of the header; `before` is how many came before these."""
+    if pixels.size and pixels.max() > maxval:
+        at = int(np.argmax(pixels > maxval))
+        row, column = divmod(before + at, columns)
         raise FormatError(
-            f"holds {pixels[at[0] * columns + at[1]]}",
+            f"holds {pixels[at]}",
             file=file,
-            where=f"pixel row {at[0]}, column {at[1]}",
+            where=f"pixel row {row}, column {column}",
             expected=f"at most the maxval of its header, {maxval}",
         )
-    if maxval != 255:
-        pixels = (pixels.astype(np.uint32) * 510 + maxval) // (2 * maxval)
-    return GreyImage(
-        pixels.astype(np.uint8).reshape(rows, columns, 1),
-        note=_note(data[:start]),
-        kind=f"PGM {data[:2].decode()}, {16 if maxval > 255 else 8} bit",
-        warnings=tuple(warnings),
-    )
 
 
 def _header(data: bytes, file: str) -> tuple[int, int, int, int]:
@@ -77,49 +82,77 @@ def _header(data: bytes, file: str) -> tuple[int, int, int, int]:
         values.append(int(match[1]))
         end = match.end()
     columns, rows, maxval = values
-    if not (0 < maxval < 65536 and columns and rows and columns * rows <= MAX_CELLS):
+    refuse_size(rows, columns, file)
+    if not (0 < maxval < 65536 and columns and rows):
         raise FormatError(
             f"{columns} columns, {rows} rows, maxval {maxval}",
             file=file,
             where="header",
-            expected=f"1 to {MAX_CELLS:,} pixels and a maxval from 1 to 65535",
+            expected="pixels, and a maxval from 1 to 65535",
         )
     return columns, rows, maxval, end + 1
 
 
 def _binary_pixels(
-    data: bytes, start: int, count: int, maxval: int, file: str, warnings: list[str]
+    data: bytes, start: int, shape: tuple[int, int], maxval: int, file: str, warnings: list[str]
 ) -> NDArray[Any]:
     kind = np.dtype(np.uint8 if maxval < 256 else ">u2")
+    count = shape[0] * shape[1]
     found = max(len(data) - start, 0)
     if found < count * kind.itemsize:
         raise _too_short(file, found // kind.itemsize, count)
     if found > count * kind.itemsize:
         extra = found - count * kind.itemsize
         warnings.append(counted(extra, "bytes after the last pixel, not used"))
-    return np.frombuffer(data, dtype=kind, count=count, offset=start)
+    pixels = np.frombuffer(data, dtype=kind, count=count, offset=start).reshape(shape)
+    for band in bands(*shape) if maxval not in (255, 65535) else ():
+        _refuse_beyond(pixels[band].ravel(), band.start * shape[1], shape[1], maxval, file)
+    return pixels
 
 
 def _plain_pixels(
-    data: bytes, start: int, count: int, maxval: int, file: str, warnings: list[str]
+    data: bytes, start: int, shape: tuple[int, int], maxval: int, file: str, warnings: list[str]
 ) -> NDArray[Any]:
-    body = _COMMENT.sub(b" ", data[start:]) if b"#" in data[start:] else data[start:]
+    count = shape[0] * shape[1]
+    if count > (len(data) - start + 1) // 2:  # a digit and a blank each
+        raise _too_short(file, len(data[start : start + 2 * count].split()), count)
+    pixels = np.empty(count, dtype=np.uint8 if maxval < 256 else np.uint16)
+    found = 0
+    for first, piece in _pieces(data, start):
+        numbers = _numbers(piece, data, first, file)
+        used = numbers[: max(count - found, 0)]
+        _refuse_beyond(used, found, shape[1], maxval, file)
+        pixels[found : found + len(used)] = used
+        found += len(numbers)
+    if found < count:
+        raise _too_short(file, found, count)
+    if found > count:
+        warnings.append(counted(found - count, "numbers after the last pixel, not used"))
+    return pixels.reshape(shape)
+
+
+def _pieces(data: bytes, start: int) -> Iterator[tuple[int, bytes]]:
+    """The body in pieces that end with a line, or at least with a number."""
+    while start < len(data):
+        end = start + _PIECE
+        if end < len(data):
+            cuts = (data.rfind(blank, start + 1, end) for blank in (b"\n", b" "))
+            end = next((cut for cut in cuts if cut > 0), end)
+        yield start, data[start:end]
+        start = end
+
+
+def _numbers(piece: bytes, data: bytes, first: int, file: str) -> NDArray[np.int64]:
+    body = _COMMENT.sub(b" ", piece) if b"#" in piece else piece
     odd = body.translate(None, b"0123456789 \t\r\n\v\f")
     if odd:
-        line = data.count(b"\n", 0, data.index(odd[:1], start)) + 1
+        line = data.count(b"\n", 0, data.index(odd[:1], first)) + 1
         raise FormatError(
             f"{odd[:1]!r} among the pixels", file=file, where=f"line {line}", expected="numbers"
         )
-    pixels = (
-        np.fromstring(body.decode("ascii"), dtype=np.int64, sep=" ")
-        if body.strip()
-        else (np.empty(0, dtype=np.int64))
-    )
-    if len(pixels) < count:
-        raise _too_short(file, len(pixels), count)
-    if len(pixels) > count:
-        warnings.append(counted(len(pixels) - count, "numbers after the last pixel, not used"))
-    return pixels[:count]
+    if not body.strip():
+        return np.empty(0, dtype=np.int64)
+    return np.fromstring(body.decode("ascii"), dtype=np.int64, sep=" ")
 
 
 def _too_short(file: str, found: int, count: int) -> FormatError:
@@ -135,17 +168,26 @@ def _note(header: bytes) -> str:
     return "\n".join(comments[comments.index(NOTE_TITLE) + 1 :])
 
 
-def write_pgm(image: GreyImage, *, plain: bool = False, bits: int = 8) -> bytes:
-    """The bytes of a PGM file: P5, or P2 when `plain`; 16 bit spreads 0..255 to 0..65535."""
-    grey = image.channels[:, :, 0]
-    rows, columns = grey.shape
-    notes = [NOTE_TITLE, *image.note.splitlines()] if image.note else []
+def write_pgm(
+    rows: int, columns: int, greys: Iterable[NDArray[np.uint8]], note: str = "", *,
+    plain: bool = False, bits: int = 8,
+) -> Iterator[bytes]:  # fmt: skip
+    """The bytes of a PGM file, in pieces: P5, or P2 when `plain`; 16 bit spreads 0..255 to
+    0..65535.
+
+    Args:
+        greys: the pixels in bands, each of shape (some rows, columns).
+        note: map metadata to keep inside, lines.
+    """
+    notes = [NOTE_TITLE, *note.splitlines()] if note else []
     comments = "".join(f"# {line}\n" for line in notes)
-    header = f"P{2 if plain else 5}\n{comments}{columns} {rows}\n{255 if bits == 8 else 65535}\n"
-    if plain:
-        return header.encode() + _plain_body(grey, 1 if bits == 8 else 257)
-    body = grey if bits == 8 else (grey.astype(np.uint16) * 257).astype(">u2")
-    return header.encode() + body.tobytes()
+    top = 255 if bits == 8 else 65535
+    yield f"P{2 if plain else 5}\n{comments}{columns} {rows}\n{top}\n".encode()
+    for grey in greys:
+        if plain:
+            yield _plain_body(grey, top // 255)
+        else:
+            yield (grey if bits == 8 else (grey.astype(np.uint16) * 257).astype(">u2")).tobytes()
 
 
 def _plain_body(grey: NDArray[np.uint8], factor: int) -> bytes:

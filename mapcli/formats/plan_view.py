@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mapcli.formats.drawing import INK, UNKNOWN, WHITE
-from mapcli.model.grid import GridMap
+from mapcli.model.grid import GridMap, bands
 
 USUAL_SIDE, LARGEST_SIDE = 1600, 4000
 """Pixels of a plan's longer side: what is aimed at, and where reducing begins."""
@@ -98,25 +98,30 @@ def _window(grid: GridMap, path: NDArray[np.float64] | None) -> tuple[int, int, 
 
 def plan_pixels(view: PlanView) -> NDArray[np.uint8]:
     """The cells of a view as colours, shape (height, width, 3); walls survive reducing."""
-    cells = _shown_cells(view)
-    if view.zoom < 1:
-        cells = _pool(cells, round(1 / view.zoom))
-    levels = np.where(np.isnan(cells), _UNKNOWN_LEVEL, np.rint(cells * np.float32(100)))
-    colours = _LEVEL_COLOURS[levels.astype(np.uint8)]
+    factor = max(round(1 / view.zoom), 1)
+    lines = -(-view.rows // factor)
+    colours = np.empty((lines, -(-view.columns // factor), 3), dtype=np.uint8)
+    for band in bands(lines, view.columns * factor):
+        cells = _shown_cells(view, band.start * factor, min(band.stop * factor, view.rows))
+        cells = _pool(cells, factor) if factor > 1 else cells
+        levels = np.where(np.isnan(cells), _UNKNOWN_LEVEL, np.rint(cells * np.float32(100)))
+        colours[band] = _LEVEL_COLOURS[levels.astype(np.uint8)]
     if view.zoom > 1:
         colours = colours.repeat(int(view.zoom), axis=0).repeat(int(view.zoom), axis=1)
     return colours
 
 
-def _shown_cells(view: PlanView) -> NDArray[np.float32]:
-    """The cells in the window, shape (rows, columns); outside the map they are unknown."""
-    shown = np.full((view.rows, view.columns), np.nan, dtype=np.float32)
-    top, left = max(view.top, 0), max(view.left, 0)
-    bottom = min(view.top + view.rows, view.grid.rows)
+def _shown_cells(view: PlanView, first: int, last: int) -> NDArray[np.float32]:
+    """The cells of the window's rows from `first` to before `last`, shape (rows, columns);
+    outside the map they are unknown."""
+    shown = np.full((last - first, view.columns), np.nan, dtype=np.float32)
+    start = view.top + first
+    top, left = max(start, 0), max(view.left, 0)
+    bottom = min(view.top + last, view.grid.rows)
     right = min(view.left + view.columns, view.grid.columns)
     if bottom > top and right > left:
-        part = shown[top - view.top : bottom - view.top, left - view.left : right - view.left]
-        part[:] = view.grid.cells[top:bottom, left:right]
+        part = shown[top - start : bottom - start, left - view.left : right - view.left]
+        part[:] = view.grid.part(top, left, bottom, right).cells
     return shown
 
 

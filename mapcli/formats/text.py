@@ -17,14 +17,16 @@ between two words; else it is in the character form. There a line made of nothin
 
 from __future__ import annotations
 
+import io
 import re
-from typing import NoReturn
+from collections.abc import Iterator
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.errors import DataError, FormatError
-from mapcli.model.grid import GridMap
+from mapcli.model.grid import PROBABILITIES, UNKNOWN_PERCENT, GridMap
 from mapcli.model.pose import Pose2D
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -57,12 +59,10 @@ def read_text(data: bytes, file: str) -> tuple[GridMap, str]:
     Raises:
         FormatError: naming the line: ragged rows, a bad cell, a bad header, no rows.
     """
-    text = data.decode("utf-8-sig", "replace").replace("\r\n", "\n").replace("\r", "\n")
-    lines = text.split("\n")
-    numbers = any(map(_has_numbers, lines))
-    rows = TextRows(file)
+    numbers = any(map(_has_numbers, _lines(data)))
+    rows = TextRows(file, limit=len(data))
     place: dict[str, list[float]] = {}
-    for count, line in enumerate(lines, start=1):
+    for count, line in enumerate(_lines(data), start=1):
         content = _bare(line) if numbers else _character_line(line)
         header = _HEADER.fullmatch(content) if ":" in content else None
         if header:
@@ -72,6 +72,13 @@ def read_text(data: bytes, file: str) -> tuple[GridMap, str]:
         elif content:
             rows.add_characters(content, f"line {count}")
     return rows.grid(place), "numbers" if numbers else "characters"
+
+
+def _lines(data: bytes) -> Iterator[str]:
+    """One at a time: the text of a large map is large."""
+    data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
+    for count, line in enumerate(io.BytesIO(data)):
+        yield line.decode("utf-8" if count else "utf-8-sig", "replace").removesuffix("\n")
 
 
 def _has_numbers(line: str) -> bool:
@@ -111,12 +118,21 @@ def _add_header(
 
 
 class TextRows:
-    """Collects rows of cells and minds that all have the same length."""
+    """Collects rows of cells and minds that all have the same length.
 
-    def __init__(self, file: str) -> None:
+    Args:
+        file: for errors.
+        limit: the most cells that a file of its length can spell out; YAML can repeat itself
+            endlessly in a few bytes.
+    """
+
+    def __init__(self, file: str, limit: int) -> None:
         self.file = file
+        self.limit = limit
+        self.count = 0
         self.tokens = CellTokens()
-        self.rows: list[NDArray[np.float32]] = []
+        self.rows: list[NDArray[Any]] = []
+        self.percents = True
         self.first_place = ""
 
     def add_characters(self, content: str, place: str) -> None:
@@ -150,6 +166,26 @@ class TextRows:
                 where=place,
                 expected=f"{len(self.rows[0])} as in the first row ({self.first_place})",
             )
+        self.count += len(row)
+        if self.count > self.limit:
+            raise FormatError(
+                f"claims more than {self.limit:,} cells",
+                file=self.file,
+                where=place,
+                expected="every cell written out",
+            )
+        self._keep(row)
+
+    def _keep(self, row: NDArray[np.float32]) -> None:
+        """As percents, a byte a cell, as long as all cells are whole percents."""
+        if self.percents:
+            percents = np.rint(row * np.float32(100))
+            if np.array_equal(percents / np.float32(100), row, equal_nan=True):
+                unknown = np.float32(UNKNOWN_PERCENT)
+                self.rows.append(np.where(np.isnan(row), unknown, percents).astype(np.uint8))
+                return
+            self.percents = False
+            self.rows = [PROBABILITIES[earlier] for earlier in self.rows]
         self.rows.append(row)
 
     def _fail(self, words: list[str], token: str, place: str) -> NoReturn:
@@ -178,18 +214,27 @@ for _code, _value in _CODES.items():
     _CODE_TABLE[ord(_code)] = _value
 
 
-def write_numbers(grid: GridMap) -> bytes:
-    """The number form: the shortest numbers that read back as the same float32, in columns."""
-    return _header_lines(grid) + number_rows(grid.cells)
+def write_numbers(grid: GridMap) -> Iterator[bytes]:
+    """The number form, in pieces: the shortest numbers that read back as the same float32, in
+    columns."""
+    yield _header_lines(grid)
+    yield from number_rows(grid)
 
 
-def write_characters(grid: GridMap, free_thresh: float, occupied_thresh: float) -> bytes:
-    """The character form; cells between the thresholds become `?`."""
-    codes = np.full((grid.rows, grid.columns + 1), ord("?"), dtype=np.uint8)
-    codes[:, :-1][grid.cells <= free_thresh] = ord(".")
-    codes[:, :-1][grid.cells >= occupied_thresh] = ord("#")
-    codes[:, -1] = ord("\n")
-    return _header_lines(grid) + codes.tobytes()
+def write_characters(grid: GridMap, free_thresh: float, occupied_thresh: float) -> Iterator[bytes]:
+    """The character form, in pieces; cells between the thresholds become `?`."""
+
+    def characters(cells: NDArray[np.float32]) -> NDArray[np.uint8]:
+        codes = np.full(cells.shape, ord("?"), dtype=np.uint8)
+        codes[cells <= free_thresh] = ord(".")
+        codes[cells >= occupied_thresh] = ord("#")
+        return codes
+
+    yield _header_lines(grid)
+    for band in grid.bands():
+        lines = np.full((band.rows, band.columns + 1), ord("\n"), dtype=np.uint8)
+        lines[:, :-1] = band.each(characters)
+        yield lines.tobytes()
 
 
 def _header_lines(grid: GridMap) -> bytes:
@@ -202,28 +247,20 @@ def _header_lines(grid: GridMap) -> bytes:
     return lines.encode()
 
 
-def number_rows(cells: NDArray[np.float32]) -> bytes:
-    """Rows of right-justified numbers, one line each, shape (rows, columns)."""
-    values, index = _distinct(cells)
+def number_rows(grid: GridMap) -> Iterator[bytes]:
+    """Rows of right-justified numbers, one line each, in pieces."""
+    if grid.stored.dtype == np.uint8:
+        values = np.unique(np.concatenate([cells[counts > 0] for cells, counts in grid.tally()]))
+    else:
+        values = np.unique(grid.stored)
     tokens = [shortest(value) for value in values]
     width = max(map(len, tokens))
     table = np.array([f"{token:>{width}} ".encode() for token in tokens])
-    body = table[index].view(np.uint8).reshape(len(cells), -1)
-    body[:, -1] = ord("\n")
-    return body.tobytes()
-
-
-def _distinct(cells: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.intp]]:
-    """Distinct cells, and for each cell its place among them; without sorting when all of them
-    are whole percents, as in maps that come from images."""
-    percents = np.rint(cells * np.float32(100))
-    if np.array_equal(percents / np.float32(100), cells, equal_nan=True):
-        index = np.where(np.isnan(percents), 101, percents).astype(np.intp)
-        used = np.bincount(index.ravel(), minlength=102) > 0
-        values = np.append(np.arange(101, dtype=np.float32) / np.float32(100), np.float32(np.nan))
-        return values[used], (np.cumsum(used) - 1)[index]
-    values, index = np.unique(cells, return_inverse=True)
-    return values, index.reshape(cells.shape)
+    for band in grid.bands():
+        index = band.each(lambda cells: np.searchsorted(values, cells).clip(0, len(values) - 1))
+        body = np.ascontiguousarray(table[index]).view(np.uint8).reshape(band.rows, -1)
+        body[:, -1] = ord("\n")
+        yield body.tobytes()
 
 
 def shortest(value: np.float32) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from mapcli.errors import FormatError
-from mapcli.formats.document import document, read_document
+from mapcli.formats.document import document, json_bytes, read_document
 from mapcli.formats.maps import read_file
+from mapcli.model.isometry import Isometry
 from mapcli.model.pose import Pose2D
 from mapcli.model.trace import PoseTrace, TracedPose
 from mapcli.model.trajectory import Trajectory
@@ -51,6 +53,36 @@ def read_trace_poses(data: bytes, file: str) -> Trajectory:
     if bad.any():
         raise _bad_pose(file, int(np.argmax(bad)), None)
     return Trajectory(numbers, stamps.astype(np.int64))
+
+
+def move_trace(path: str | Path, motion: Isometry) -> bytes:
+    """A trace file's content after the world has moved: the poses with it, the rest as it was.
+
+    A mirror turns steps to the left into steps to the right, in the odometry and the loops too.
+
+    Raises:
+        FormatError: as of `load_trace_poses`.
+    """
+    data = read_file(Path(path))
+    content = read_document(data, str(path), POSE_TRACE)
+    read_trace_poses(data, str(path))
+    poses = [_moved(pose, motion) for pose in content["poses"]]
+    loops = content.get("loops") or []
+    if motion.mirrored:
+        loops = [loop | {"dy": -loop["dy"], "dtheta": -loop["dtheta"]} for loop in loops]
+    moved_by = {**_pose(motion.pose), "mirrored": motion.mirrored}
+    head = document(POSE_TRACE, {Path(path).name: hashlib.sha256(data).hexdigest()}, {}, {})
+    head["parameters"] = {**content.get("parameters", {}), "moved_by": moved_by}
+    rest = {key: value for key, value in content.items() if key not in head}
+    return json_bytes({**head, **rest, "loops": loops, "poses": poses})
+
+
+def _moved(pose: dict[str, Any], motion: Isometry) -> dict[str, Any]:
+    moved = motion.apply_pose(Pose2D(*(float(pose[key]) for key in ("x", "y", "theta"))))
+    odom = pose.get("odom")
+    if odom and motion.mirrored:
+        odom = odom | {"y": -odom["y"], "theta": -odom["theta"]}
+    return pose | _pose(moved) | ({"odom": odom} if "odom" in pose else {})
 
 
 def _bad_pose(file: str, index: int, error: Exception | None) -> FormatError:

@@ -11,21 +11,26 @@ from mapcli.algorithms._kernels.matching import total
 
 @njit(cache=True)
 def fits(
-    field: NDArray[np.uint8], places: NDArray[np.int64], columns: int, reach: int, stride: int
+    field: NDArray[np.uint8],
+    places: NDArray[np.int64],
+    columns: int,
+    low: tuple[int, int],
+    count: int,
+    stride: int,
 ) -> NDArray[np.int64]:
-    """Sums of a field at points that are shifted by every `stride`-th cell of a window.
+    """Sums of a field at points that are shifted to every `stride`-th cell of a square.
 
     Args:
         field: the flattened array; places: indices of the points in it, before the shift.
-        columns: of the array; reach: half-width of the window in cells.
+        columns: of the array.
+        low: the lowest shift, (columns, rows); count: shifts along each side.
 
     Returns:
-        shape (n, n), by rows from the lowest shift to the highest.
+        shape (count, count), by rows from the lowest shift to the highest.
     """
-    count = 2 * reach // stride + 1
     sums = np.empty((count, count), np.int64)
     for row in range(count):
         for column in range(count):
-            shift = (row * stride - reach) * columns + column * stride - reach
+            shift = (low[1] + row * stride) * columns + low[0] + column * stride
             sums[row, column] = total(field, places, shift)
     return sums

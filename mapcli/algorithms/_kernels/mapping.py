@@ -6,7 +6,7 @@ every beam, and every wall's surroundings, lie inside the arrays.
 
 from __future__ import annotations
 
-from math import floor
+from math import floor, sqrt
 
 import numpy as np
 from numba import njit
@@ -17,9 +17,14 @@ SEEN = 1 << 14
 IS_SEEN = 1 << 13
 
 
+WALL = 255
+"""The likelihood field's value on a wall."""
+
+
 @njit(cache=True)
 def integrate_beams(
     log_odds: NDArray[np.int16],
+    field: NDArray[np.uint8],
     laser: NDArray[np.float64],
     ends: NDArray[np.float64],
     hits: int,
@@ -33,12 +38,13 @@ def integrate_beams(
 
     Args:
         log_odds: the map, changed in place; 0 is unknown, more than 0 occupied.
+        field: its likelihood field as it is before.
         laser: (u, v) where the beams start, in cells.
         ends: shape (n, 2), where they end, in cells.
         hits: the first `hits` beams end at an obstacle, the others in the open.
         rules: (hit, miss, highest, lowest): what a hit adds, what a pass takes, the limits.
-        changed: filled with the (v, u) of the cells that became occupied or ceased to be; room
-            for all cells that the beams may touch.
+        changed: filled with the (v, u) of the cells that became occupied or ceased to be, or to
+            be taken for wall by `bridges`; room for all cells that the beams may touch.
 
     Returns:
         How many there are in `changed`.
@@ -46,6 +52,7 @@ def integrate_beams(
     hit, miss, highest, lowest = rules
     columns = log_odds.shape[1]
     cells = log_odds.reshape(-1)  # one index to move along a beam, not two
+    likelihood = field.reshape(-1)
     touched = np.empty(len(changed), np.int64)
     n_touched = 0
     n_changed = 0
@@ -80,7 +87,7 @@ def integrate_beams(
                 new = max(lowest, old - miss)
                 if new == 0:
                     new = -1
-                if old > 0 and new < 0:
+                if (old > 0 and new < 0) or (old == 0 and likelihood[at] == WALL):
                     changed[n_changed, 0] = at // columns
                     changed[n_changed, 1] = at % columns
                     n_changed += 1
@@ -122,17 +129,8 @@ def update_field(
     """
     r = len(bump) // 2
     for k in range(len(changed)):
-        v, u = changed[k, 0], changed[k, 1]
-        if log_odds[v, u] > 0:
-            for level in range(len(widths)):
-                reach = r + widths[level] - 1
-                for dv in range(-reach, r + 1):
-                    near_v = min(max(dv, 0), dv + widths[level] - 1)
-                    for du in range(-reach, r + 1):
-                        near_u = min(max(du, 0), du + widths[level] - 1)
-                        value = bump[near_v + r, near_u + r]
-                        if fields[level, v + dv, u + du] < value:
-                            fields[level, v + dv, u + du] = value
+        if log_odds[changed[k, 0], changed[k, 1]] > 0:
+            raise_field(fields, widths, changed[k, 0], changed[k, 1], bump)
     for k in range(len(changed)):
         v, u = changed[k, 0], changed[k, 1]
         if log_odds[v, u] <= 0:
@@ -151,3 +149,70 @@ def highest_bump(log_odds: NDArray[np.int16], v: int, u: int, bump: NDArray[np.u
             if log_odds[v + dv, u + du] > 0:
                 best = max(best, bump[dv + r, du + r])
     return best
+
+
+@njit(cache=True)
+def raise_field(
+    fields: NDArray[np.uint8], widths: NDArray[np.int64], v: int, u: int, bump: NDArray[np.uint8]
+) -> None:
+    """Put the bump of one wall cell into the field and its bounds."""
+    r = len(bump) // 2
+    for level in range(len(widths)):
+        reach = r + widths[level] - 1
+        for dv in range(-reach, r + 1):
+            near_v = min(max(dv, 0), dv + widths[level] - 1)
+            for du in range(-reach, r + 1):
+                near_u = min(max(du, 0), du + widths[level] - 1)
+                value = bump[near_v + r, near_u + r]
+                if fields[level, v + dv, u + du] < value:
+                    fields[level, v + dv, u + du] = value
+
+
+LONGEST_BRIDGE = 12.0
+"""Cells between two beams' ends that may be one wall."""
+STRAIGHT = 0.97
+"""Cosine of the largest turn that a wall makes from one beam's end to the next."""
+
+
+@njit(cache=True)
+def bridge_walls(
+    fields: NDArray[np.uint8],
+    widths: NDArray[np.int64],
+    log_odds: NDArray[np.int16],
+    ends: NDArray[np.float64],
+    bump: NDArray[np.uint8],
+) -> None:
+    """Raise the field between neighbouring ends of beams that lie on a straight wall.
+
+    Far walls are hit here and there only. In a field of dots a scan fits best where its own dots
+    fall on those of the scan before, that is where the robot has not moved. Only cells of which
+    nothing is known are taken for wall, and a beam that passes there undoes it.
+
+    Args:
+        ends: shape (n, 2), the (u, v) of hits, in the order of the beams.
+    """
+    n = len(ends)
+    for k in range(n - 1):
+        du, dv = ends[k + 1, 0] - ends[k, 0], ends[k + 1, 1] - ends[k, 1]
+        length = sqrt(du * du + dv * dv)
+        if length < 1.5 or length > LONGEST_BRIDGE:
+            continue
+        if not (goes_on(ends, k - 1, du, dv, length) or goes_on(ends, k + 1, du, dv, length)):
+            continue
+        steps = floor(length)
+        for i in range(1, steps + 1):
+            share = i / (steps + 1)
+            u, v = floor(ends[k, 0] + share * du), floor(ends[k, 1] + share * dv)
+            if log_odds[v, u] == 0 and fields[0, v, u] < WALL:
+                raise_field(fields, widths, v, u, bump)
+
+
+@njit(cache=True)
+def goes_on(ends: NDArray[np.float64], k: int, du: float, dv: float, length: float) -> bool:
+    """Whether the way from end k to the next is straight on with (du, dv), and about as long."""
+    if k < 0 or k + 1 >= len(ends):
+        return False
+    on_u, on_v = ends[k + 1, 0] - ends[k, 0], ends[k + 1, 1] - ends[k, 1]
+    on = sqrt(on_u * on_u + on_v * on_v)
+    alike = on <= 2 * length and length <= 2 * on
+    return alike and on_u * du + on_v * dv >= STRAIGHT * on * length

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 EMPTY = -1
 BIAS = 1 << 30
 MOST_ROUND = 0.15
-"""Points whose narrow spread is more than this share of their wide one make no wall."""
+"""Points whose narrow spread is more than this share of their wide one are no line but a lump,
+which holds a scan in both directions, if weakly."""
 FARTHEST_PARTNER = 3
 """Cells from a point to the wall that it may belong to."""
 WIDEST_PATCH = 5

@@ -1,0 +1,129 @@
+"""The main direction of a map's walls."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.errors import DataError
+from mapcli.model.grid import GridMap
+
+OCCUPIED_FROM = 0.5
+
+_MOST_CELLS = 40_000
+"""Wall cells that are looked at; of more, some are left out at even intervals."""
+
+_FEWEST_CELLS = 10
+
+_STEPS_DEG = (0.5, 0.1)
+"""Angles are tried at the first step over a quarter turn, then finer around the best."""
+
+_FITS = 4
+_LINES = 30
+_LINE_REACH = 2.5
+"""Then straight lines are fitted, so often, to so many of the fullest stripes along either axis,
+and to what lies within so many cells of them."""
+
+
+def wall_points(grid: GridMap, low: float = OCCUPIED_FROM) -> NDArray[np.float64]:
+    """World points of the centres of occupied cells, shape (n, 2), row by row."""
+    found = []
+    for first, band in _numbered(grid):
+        rows, columns = np.nonzero(band.each(lambda cells: cells >= np.float32(low)))
+        found.append(grid.world_of_cells(rows + first, columns))
+    return np.concatenate(found)
+
+
+def _numbered(grid: GridMap) -> list[tuple[int, GridMap]]:
+    parts, first = [], 0
+    for band in grid.bands():
+        parts.append((first, band))
+        first += band.rows
+    return parts
+
+
+def wall_direction(grid: GridMap, low: float = OCCUPIED_FROM) -> float:
+    """The angle, radians from -pi/4 to pi/4, by which walls are turned against the world's axes.
+
+    At about that angle the walls, seen along themselves, fall into the fewest and fullest lines:
+    the sum of the squares of the counts in stripes one cell wide, along both axes, is largest.
+    What the longest of these lines lean by is the rest. A map whose outermost wall would not move
+    by half a cell is not turned at all.
+
+    Raises:
+        DataError: hardly any walls.
+    """
+    points = wall_points(grid, low)
+    if len(points) < _FEWEST_CELLS:
+        raise DataError(
+            f"the map has {len(points)} occupied cells", expected="walls, to find their direction"
+        )
+    points = points[:: -(-len(points) // _MOST_CELLS)] - points.mean(axis=0)
+    points = points / grid.resolution
+    best, reach = 0.0, 45.0
+    for step in _STEPS_DEG:
+        tries = best + np.arange(-round(reach / step), round(reach / step) + 1) * step
+        scores = [_sharpness(points, math.radians(angle)) for angle in tries]
+        best, reach = float(tries[_middle_of_best(np.array(scores))]), 2 * step
+    angle = math.radians(best)
+    for _ in range(_FITS):
+        angle += _lean(points, angle)
+    quarter = math.pi / 2
+    lean = (angle + quarter / 2) % quarter - quarter / 2
+    reach = float(np.hypot(*points.T).max())
+    return 0.0 if abs(lean) * reach < 0.5 else lean
+
+
+def _middle_of_best(scores: NDArray[np.float64]) -> int:
+    """Of several best ones, such as of walls along the cells, the middle one."""
+    best = np.flatnonzero(scores >= scores.max() * (1 - 1e-12))
+    return int(best[len(best) // 2])
+
+
+def _turned(points: NDArray[np.float64], angle: float) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The points as seen along axes turned by `angle`."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    x, y = points.T
+    return cos * x + sin * y, cos * y - sin * x
+
+
+def _lean(points: NDArray[np.float64], angle: float) -> float:
+    """By how much the fullest lines along axes turned by `angle` lean against these, radians."""
+    x, y = _turned(points, angle)
+    moments = np.sum([_moments(x, y), _moments(y, -x)], axis=0)
+    return math.atan2(moments[0], moments[1])
+
+
+def _moments(along: NDArray[np.float64], across: NDArray[np.float64]) -> tuple[float, float]:
+    """Sums over lines of along * across and of along ** 2, each about the line's middle."""
+    product = square = 0.0
+    left = np.ones(len(across), dtype=np.bool_)
+    stripe = np.rint(across - across.min()).astype(np.int64)
+    for _ in range(_LINES):
+        counts = np.bincount(stripe[left], minlength=1)
+        if counts.max() < _FEWEST_CELLS:
+            break
+        line = left & (np.abs(stripe - int(np.argmax(counts))) <= _LINE_REACH)
+        a, b = along[line] - along[line].mean(), across[line] - across[line].mean()
+        product += float((a * b).sum())
+        square += float((a * a).sum())
+        left &= ~line
+    return product, square
+
+
+def _sharpness(points: NDArray[np.float64], angle: float) -> float:
+    return sum(_fullness(places) for places in _turned(points, angle))
+
+
+def _fullness(places: NDArray[np.float64]) -> float:
+    """Sum of squares of the counts in stripes one wide; each point counts in the two nearest, by
+    its distance, so that no result depends on where the stripes begin."""
+    places = places - places.min()
+    stripe = np.floor(places).astype(np.int64)
+    share = places - stripe
+    counts = np.bincount(stripe, 1 - share, minlength=int(stripe.max()) + 2)
+    counts[1:] += np.bincount(stripe, share, minlength=len(counts) - 1)[: len(counts) - 1]
+    return float((counts**2).sum())

@@ -1,0 +1,136 @@
+"""`mapcli compare`: how alike two maps are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mapcli.commands._limit_option import LimitType
+from mapcli.commands._map_operations import hashing, motion_words
+from mapcli.commands._map_options import dialect_option
+from mapcli.commands._options import (
+    FILE,
+    Number,
+    common_options,
+    no_clobber_option,
+)
+from mapcli.commands._output import check_outputs, write_bytes
+from mapcli.formats.maps import load_map
+from mapcli.model.comparison import LIMIT_FIELDS, STATES, Comparison
+from mapcli.model.summary import Limit
+
+
+@click.command(short_help="Compare two maps: cells, overlap, walls.")
+@click.argument("a", metavar="A", type=FILE)
+@click.argument("b", metavar="B", type=FILE)
+@click.option("--align", is_flag=True, help="Find where B lies in A first, whatever their origins.")
+@click.option(
+    "--low", type=Number(0, 1), default=0.5, show_default=True, metavar="P",
+    help="Known cells are free below this probability, and occupied from it on.",
+)  # fmt: skip
+@click.option("--png", metavar="F", type=FILE, help="A picture of what differs.")
+@click.option(
+    "--json", "json_file", metavar="F", type=FILE, help="Write it as JSON; - is standard output."
+)
+@click.option(
+    "--fail-if", "limits", type=LimitType(LIMIT_FIELDS, "iou_occupied<0.5"),
+    multiple=True,
+    help="Exit with 3 if this holds; a field of the JSON, such as 'iou_occupied<0.5'. Repeatable.",
+)  # fmt: skip
+@dialect_option
+@no_clobber_option
+@common_options
+def command(
+    a: str, b: str, align: bool, low: float, png: str | None, json_file: str | None,
+    limits: tuple[Limit, ...], dialect: Any, no_clobber: bool, quiet: bool, verbose: bool,
+) -> None:  # fmt: skip
+    """Compare two maps: cells, overlap, walls.
+
+    The maps lie where their origins say, or with --align where they fit best. B is looked up at
+    the centres of A's cells.
+
+    \b
+      agreement     of the cells that both know, the share in which they agree
+      agreement_all the same of the cells that either knows
+      iou_occupied  cells occupied in both, by cells occupied in either; iou_free likewise
+      wall_mean_m, wall_p95_m, wall_max_m   from each wall cell of either map to the nearest one
+                    of the other: mean, 95th percentile, largest
+
+    \b
+    Examples:
+      mapcli compare today.yaml reference.yaml
+      mapcli compare mine.yaml truth.yaml --align --png differences.png
+      mapcli compare -q mine.yaml truth.yaml --fail-if 'iou_occupied<0.5' --fail-if 'wall_p95_m>0.1'
+    """
+    from mapcli.algorithms.compare import compare
+
+    if a == b == "-":
+        raise click.UsageError("A and B cannot both be standard input.")
+    outputs = [name for name in (png, json_file) if name]
+    check_outputs(outputs, (a, b), "maps", no_clobber=no_clobber)
+    digests: dict[str, str] = {}
+    maps = [load_map(file, dialect=dialect, read=hashing(digests)) for file in (a, b)]
+    comparison, pairs = compare(maps[0].grid, maps[1].grid, align=align, low=low)
+    if png:
+        from mapcli.formats.difference_picture import difference_picture
+
+        picture = difference_picture(pairs, _names(a, b))
+        write_bytes(png, picture, no_clobber=no_clobber)
+    if json_file:
+        content = _json(comparison, digests, {"align": align, "low": low, "dialect": dialect})
+        write_bytes(json_file, content, no_clobber=no_clobber)
+    if not quiet:
+        for file, loaded in zip((a, b), maps, strict=True):
+            for warning in loaded.warnings:
+                click.echo(f"Warning: {file}: {warning}", err=True)
+        for name, text in _lines(comparison):
+            click.echo(f"{name:>13}  {text}", err="-" in outputs)
+    for limit in limits:
+        limit.check(comparison.limits(), f"{a}, {b}")
+
+
+def _names(a: str, b: str) -> tuple[str, str]:
+    """The maps' names, with their folders when they would be the same."""
+    paths = Path(a), Path(b)
+    names = [path.name for path in paths]
+    if names[0] == names[1]:
+        names = [f"{path.absolute().parent.name}/{path.name}" for path in paths]
+    return names[0], names[1]
+
+
+def _json(comparison: Comparison, inputs: dict[str, str], parameters: dict[str, Any]) -> bytes:
+    from mapcli.formats.document import document, json_bytes
+
+    pose = comparison.alignment
+    content = {
+        **comparison.document(),
+        "alignment": None if pose is None else {
+            name: round(float(getattr(pose, name)), 6) + 0.0 for name in ("x", "y", "theta")
+        },
+        "cells": {
+            f"{STATES[i]}_{STATES[j]}": int(comparison.cells[i, j])
+            for i in range(3) for j in range(3) if (i, j) != (2, 2)
+        },
+    }  # fmt: skip
+    return json_bytes(document("mapcli.map-comparison", inputs, parameters, content))
+
+
+def _lines(comparison: Comparison) -> list[tuple[str, str]]:
+    """The facts for a person."""
+    facts, cells, pose = comparison.document(), comparison.cells, comparison.alignment
+    lines = []
+    if pose is not None:
+        lines.append(("alignment", f"B {motion_words(pose)}; score {comparison.score:.2f}"))
+    both, either = int(cells[:2, :2].sum()), int(cells.sum())
+    lines += [
+        ("agreement", f"{facts['agreement']:.1%} of {both:,} cells that both know"),
+        ("", f"{facts['agreement_all']:.1%} of {either:,} cells that either knows"),
+        ("IoU", f"occupied {facts['iou_occupied']:.3f}, free {facts['iou_free']:.3f}"),
+    ]
+    if facts["wall_mean_m"] is None:
+        return [*lines, ("walls", "none in one of the maps")]
+    mean, p95, most = (facts[f"wall_{name}_m"] for name in ("mean", "p95", "max"))
+    walls = f"{mean:.3f} m apart on average, 95 % within {p95:.3f} m, all within {most:.3f} m"
+    return [*lines, ("walls", walls)]

@@ -1,0 +1,94 @@
+"""What two maps of the same place have in common."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.model.pose import Pose2D
+
+FREE, OCCUPIED, UNKNOWN = range(3)
+STATES = ("free", "occupied", "unknown")
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Two maps, cell by cell on the first one's cells, and wall by wall.
+
+    Attributes:
+        cells: cells by state in A and state in B, shape (3, 3); both unknown is not counted.
+        cell_area: square metres of a cell.
+        walls_a, walls_b: metres from each wall cell of the one to the nearest of the other;
+            empty when either has none.
+        alignment: the motion of B's world that was found; None when none was asked for.
+        score: of that alignment.
+    """
+
+    cells: NDArray[np.int64]
+    cell_area: float
+    walls_a: NDArray[np.float64]
+    walls_b: NDArray[np.float64]
+    alignment: Pose2D | None = None
+    score: float | None = None
+
+    @property
+    def agreement(self) -> float:
+        """Of the cells that both know, the share in which they agree."""
+        both = self.cells[:2, :2]
+        return _share(int(np.trace(both)), int(both.sum()))
+
+    @property
+    def agreement_all(self) -> float:
+        """Of the cells that either knows, the share in which they agree; unknown disagrees."""
+        return _share(int(np.trace(self.cells[:2, :2])), int(self.cells.sum()))
+
+    def iou(self, state: int) -> float:
+        """Cells that are in `state` in both, by those that are in either."""
+        both = int(self.cells[state, state])
+        either = int(self.cells[state].sum() + self.cells[:, state].sum()) - both
+        return _share(both, either)
+
+    def document(self) -> dict[str, Any]:
+        """The facts, ready for JSON. Wall distances are of both directions together."""
+        walls = np.concatenate([self.walls_a, self.walls_b])
+        return {
+            "agreement": round(self.agreement, 6),
+            "agreement_all": round(self.agreement_all, 6),
+            "iou_occupied": round(self.iou(OCCUPIED), 6),
+            "iou_free": round(self.iou(FREE), 6),
+            "wall_mean_m": _metres(walls, np.mean),
+            "wall_p95_m": _metres(walls, _p95),
+            "wall_max_m": _metres(walls, np.max),
+            "wall_mean_a_to_b_m": _metres(self.walls_a, np.mean),
+            "wall_mean_b_to_a_m": _metres(self.walls_b, np.mean),
+            "common_m2": round(int(self.cells[:2, :2].sum()) * self.cell_area, 3),
+            "score": None if self.score is None else round(self.score, 4),
+        }
+
+    def limits(self) -> dict[str, float]:
+        """What limits may be set on; what there is no number for is infinitely bad."""
+        missing = {name: 0.0 if name == "score" else np.inf for name in LIMIT_FIELDS}
+        found = {k: v for k, v in self.document().items() if v is not None}
+        return missing | {name: float(found[name]) for name in LIMIT_FIELDS if name in found}
+
+
+def _share(part: int, whole: int) -> float:
+    """A share; of nothing it is 0, for nothing was found in common."""
+    return part / whole if whole else 0.0
+
+
+def _p95(distances: NDArray[np.float64]) -> float:
+    return float(np.percentile(distances, 95))
+
+
+def _metres(distances: NDArray[np.float64], statistic: Any) -> float | None:
+    return round(float(statistic(distances)), 6) if len(distances) else None
+
+
+LIMIT_FIELDS = tuple(
+    Comparison(np.zeros((3, 3), np.int64), 1.0, np.empty(0), np.empty(0)).document()
+)
+"""What `--fail-if` can be about."""
