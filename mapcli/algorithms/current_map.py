@@ -11,9 +11,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from mapcli.algorithms.occupancy import OccupancyGrid
 from mapcli.algorithms.perception import Perception
 from mapcli.model.pose import Pose2D
+
+ROOM_M = 15.0
+"""Metres around the robot that a new map has room for from the start."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +57,8 @@ class CurrentMap:
         self.grid, self.parameters = grid, parameters
         self._younger: OccupancyGrid | None = None
         self._updated_at: Pose2D | None = None
-        self._metres, self._young_from, self._young_updates = 0.0, 0.0, 0
+        self._young_scans: list[tuple[Pose2D, Perception]] = []
+        self._metres = self._young_from = 0.0
 
     def update(self, pose: Pose2D, perception: Perception) -> bool:
         """Line 10, if the robot has come far enough since the last update; whether it has."""
@@ -80,12 +86,23 @@ class CurrentMap:
         if p.most_m is None:
             return
         if self._younger is None and self._metres >= p.most_m - p.least_m:
-            self._younger, self._young_updates = OccupancyGrid(self.grid.parameters), 0
-            self._young_from = self._metres
+            self._younger, self._young_from = self._begun_at(pose), self._metres
         if self._younger is None:
             return
-        self._younger.integrate(pose, perception)
-        self._young_updates += 1
-        if self._metres >= p.most_m and self._young_updates >= p.least_updates:
-            self.grid, self._younger = self._younger, None
-            self._metres -= self._young_from
+        self._younger.integrate(pose, perception, field=False)
+        self._young_scans.append((pose, perception))
+        if self._metres >= p.most_m and len(self._young_scans) >= p.least_updates:
+            self._take_over(self._younger)
+
+    def _take_over(self, younger: OccupancyGrid) -> None:
+        younger.make_field()
+        for pose, perception in self._young_scans:
+            younger.bridge(pose, perception)
+        self.grid, self._younger, self._young_scans = younger, None, []
+        self._metres -= self._young_from
+
+    def _begun_at(self, pose: Pose2D) -> OccupancyGrid:
+        """An empty map with room for what is likely to come, so that it need not grow often."""
+        grid, here = OccupancyGrid(self.grid.parameters), np.array([pose.x, pose.y])
+        grid.cover(here - ROOM_M, here + ROOM_M)
+        return grid

@@ -161,16 +161,25 @@ class _Window:
         p, spread = self.parameters, self.spread
         half_xy = p.window_xy + spread.reach * spread.xy
         half_turn = math.radians(p.window_theta_deg) + spread.reach * spread.turn
+        self._cover(half_xy, half_turn)
+        stay = self._settle(self.predicted)
+        if p.refine and self._is_usual(stay, usual_score):
+            return stay
         best = self._search(half_xy, half_turn)
-        low = p.lost_below * usual_score
-        if best.score < low:
+        if best.score < p.lost_below * usual_score:
             best = self._doubt(best, usual_score, half_xy)
-        elif p.refine and self._is_far(best.pose):
+        elif p.refine and self._is_far(best.pose) and stay.score >= best.score - p.indifferent:
             # Along a wall the scan fits best where it covers most of the map, which is where
             # it was taken before; odometry knows better unless the map contradicts.
-            stay = self._settle(self.predicted)
-            best = stay if stay.score >= best.score - p.indifferent else best
+            best = stay
         return best if best.found else replace(best, pose=self.predicted)
+
+    def _is_usual(self, match: Match, usual_score: float) -> bool:
+        """Whether the pose next to the odometry's fits as well as any, so that none need be
+        searched for."""
+        enough = match.overlap >= self.parameters.lost_overlap * len(self.points)
+        fits = enough and match.score >= usual_score - self.parameters.indifferent
+        return fits and not self._is_far(match.pose)
 
     def _is_far(self, pose: Pose2D) -> bool:
         """Whether a pose is farther from the predicted one than odometry usually errs."""

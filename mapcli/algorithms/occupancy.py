@@ -195,8 +195,8 @@ class OccupancyGrid:
     def integrate(self, pose: Pose2D, perception: Perception, *, field: bool = True) -> None:
         """Line 10 of Algorithm 9.2: write what was perceived at a world pose into the map.
 
-        Without `field`, the likelihood field stays behind until `make_field` is called, which is
-        cheaper for a map that is made first and searched afterwards, or never.
+        Without `field`, the likelihood field stays behind until `make_field` and `bridge` are
+        called, which is cheaper for a map that is made first and searched afterwards, or never.
         """
         ends = pose.apply(np.concatenate([perception.hits, perception.open_ends]))
         laser = pose.apply(perception.laser[None, :])
@@ -211,6 +211,11 @@ class OccupancyGrid:
         if field:
             update_field(self.fields, LEVEL_WIDTHS, self.log_odds, changed, self._bump)
             bridge_walls(self.fields, LEVEL_WIDTHS, self.log_odds, ends[:hits], self._bump)
+
+    def bridge(self, pose: Pose2D, perception: Perception) -> None:
+        """Raise the field along walls that a scan shows with gaps, see `bridge_walls`."""
+        ends = self.to_cells(pose.apply(perception.hits))
+        bridge_walls(self.fields, LEVEL_WIDTHS, self.log_odds, ends, self._bump)
 
     def _write(
         self, laser: NDArray[np.float64], ends: NDArray[np.float64], hits: int

@@ -51,16 +51,16 @@ class StretchParameters:
 
     points_m: float = 5.0
     map_m: float = 10.0
-    farthest: float = 25.0
-    apart_m: float = 0.5
-    apart_deg: float = 30.0
+    farthest: float = 20.0
+    apart_m: float = 0.7
+    apart_deg: float = 45.0
     search_cell: float = 0.2
     cell: float = 0.1
     prior: float = 0.1
     nearly: float = 0.02
     floor: float = 0.02
     floor_deg: float = 0.2
-    maps: int = 16
+    maps: int = 8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,9 +153,14 @@ class StretchMatcher:
             self._maps.move_to_end(anchor)
             return self._maps[anchor]
         grid, origin = OccupancyGrid(self.map), self.keyframes[anchor].pose
-        for k in self._some(anchor, self.parameters.map_m):
-            pose = origin.between(self.keyframes[k].pose)
-            grid.integrate(pose, self._near(k), field=False)
+        chosen = self._some(anchor, self.parameters.map_m)
+        poses = [origin.between(self.keyframes[k].pose) for k in chosen]
+        seen = [self._near(k) for k in chosen]
+        ends = np.concatenate([p.apply(s.hits) for p, s in zip(poses, seen, strict=True)])
+        if len(ends):
+            grid.cover(ends.min(axis=0), ends.max(axis=0))
+        for pose, perception in zip(poses, seen, strict=True):
+            grid.integrate(pose, perception, field=False)
         grid.make_field()
         self._maps[anchor] = grid
         if len(self._maps) > self.parameters.maps:

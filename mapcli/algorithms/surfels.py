@@ -31,14 +31,14 @@ class SurfelParameters:
         independent: the share of a scan's points that count as evidence of their own: errors of
             neighbouring beams are alike.
         knee: squared standard deviations at which the prediction's say has fallen to a quarter.
-        iterations: of Gauss-Newton at most.
+        rounds: how often at most each point looks for its wall anew.
     """
 
     thickness: float = 0.015
     doubt: float = 3.0
     independent: float = 0.3
     knee: float = 9.0
-    iterations: int = 5
+    rounds: int = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,7 +141,7 @@ class SurfelMap:
             np.array([predicted.x, predicted.y, heading]),
             (share / deviations[0] ** 2, share / deviations[1] ** 2, p.knee * share),
             (self.cell, p.thickness, p.doubt),
-            p.iterations,
+            p.rounds,
         )
         normal = p.independent * (normal + np.triu(normal, 1).T)
         x, y, theta = (float(value) for value in pose)

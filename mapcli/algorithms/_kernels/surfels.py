@@ -37,7 +37,9 @@ Table = tuple[
 ]
 STALE, NONE, FRESH = 0, 1, 2
 STILL, STILL_TURN = 5e-4, 1e-4
-"""Metres and radians of the last step of a fit."""
+"""Metres and radians that a pose moves in the last round of a fit."""
+STEPS = 3
+"""Of Gauss-Newton in a round."""
 
 
 @njit(cache=True)
@@ -268,7 +270,7 @@ def refine(
     predicted: NDArray[np.float64],
     prior: tuple[float, float, float],
     shape: tuple[float, float, float],
-    iterations: int,
+    rounds: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """Gauss-Newton on the distances of points to the walls, and of the pose to the prediction.
 
@@ -278,6 +280,7 @@ def refine(
         prior: (information per squared metre, per squared radian, squared deviations at which
             the prediction's say has fallen to a quarter).
         shape: (cell, thickness of a wall, deviations at which a point's say is a quarter).
+        rounds: how often at most each point looks for its wall anew.
 
     Returns:
         The pose, the normal matrix there from the points alone, how many points have a wall.
@@ -287,14 +290,16 @@ def refine(
     normal, gradient = np.zeros((3, 3)), np.zeros(3)
     total, right = np.zeros((3, 3)), np.zeros(3)
     fitted = 0
-    for _ in range(iterations):
+    for _ in range(rounds):
         fitted = associate(table, points, pose, shape, partners)
-        linearise(table[3], partners, points, pose, shape[2], normal, gradient)
-        total[:], right[:] = normal, gradient
-        add_prior(pose, predicted, prior, total, right)
-        step = solve3(total, right)
-        pose += step
-        if abs(step[0]) + abs(step[1]) < STILL and abs(step[2]) < STILL_TURN:
+        x, y, theta = pose[0], pose[1], pose[2]
+        for _ in range(STEPS):  # cheap beside the association
+            linearise(table[3], partners, points, pose, shape[2], normal, gradient)
+            total[:], right[:] = normal, gradient
+            add_prior(pose, predicted, prior, total, right)
+            pose += solve3(total, right)
+        off = abs(pose[0] - x) + abs(pose[1] - y)
+        if off < STILL and abs(pose[2] - theta) < STILL_TURN:
             break
     return pose, normal, fitted
 
