@@ -41,7 +41,7 @@ class LoopParameters:
 
     stretch_m: float = 5.0
     apart_m: float = 20.0
-    near_m: float = 5.0
+    near_m: float = 4.0
     deviations: float = 3.0
     window_xy: float = 0.3
     window_deg: float = 2.0
@@ -112,8 +112,7 @@ class LoopCloser:
         """Old stretches where the robot may be again: the nearest of each visit, unless a short
         way through the graph leads there, so that nothing would be learned."""
         p, here, at = self.parameters, self.graph.poses[new], self._metres(new)
-        # The map of a stretch reaches over both its neighbours, so every other one is enough.
-        old = [k for k in range(0, new, 2) if at - self._metres(k) >= p.apart_m]
+        old = [k for k in range(new) if at - self._metres(k) >= p.apart_m]
         distance = {k: here.distance(self.graph.poses[k]) for k in old}
         nearest: list[int] = []
         for k in sorted(old, key=lambda k: distance[k]):

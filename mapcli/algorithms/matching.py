@@ -39,6 +39,9 @@ Search = Literal["window", "book", "none"]
 FARTHEST_REFINEMENT = 24.0
 """Cells that the refinement may move a point: less than `occupancy.MARGIN`."""
 
+NEAR_CELLS, NEAR_TURN = 4.0, math.radians(5)
+"""How far from the right pose a fit still finds it: cells and radians."""
+
 FIFTEEN = neighbours(STEPS, TURNS_DEG)
 """The poses of Sect. 9.5."""
 
@@ -177,6 +180,8 @@ class _Window:
     def _is_usual(self, match: Match, usual_score: float) -> bool:
         """Whether the pose next to the odometry's fits as well as any, so that none need be
         searched for."""
+        if self.spread.xy > NEAR_CELLS * self.cell or self.spread.turn > NEAR_TURN:
+            return False  # the fit may have ended beside the right place
         enough = match.overlap >= self.parameters.lost_overlap * len(self.points)
         fits = enough and match.score >= usual_score - self.parameters.indifferent
         return fits and not self._is_far(match.pose)

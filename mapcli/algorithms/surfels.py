@@ -130,7 +130,7 @@ class SurfelMap:
         """
         p = self.parameters
         predicted = predicted or start
-        begin = np.array([start.x, start.y, start.theta])
+        begin = np.array([start.x, start.y, start.theta], np.float64)
         # Headings on the same turn of the circle.
         heading = start.theta + wrap_angle(predicted.theta - start.theta)
         share = 1 / p.independent
@@ -138,7 +138,7 @@ class SurfelMap:
             (self._keys, self._slots, self._moments, self._surfels, self._states),
             points,
             begin,
-            np.array([predicted.x, predicted.y, heading]),
+            np.array([predicted.x, predicted.y, heading], np.float64),
             (share / deviations[0] ** 2, share / deviations[1] ** 2, p.knee * share),
             (self.cell, p.thickness, p.doubt),
             p.rounds,
