@@ -346,8 +346,11 @@ def prior_cost(pose: Floats, predicted: Floats, prior: tuple[float, float, float
 @given(st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)))
 def test_the_prior_pulls_down_its_cost(place: tuple[float, float, float]) -> None:
     pose, predicted, prior = np.array(place), np.array([0.2, -0.1, 0.3]), (100.0, 400.0, 9.0)
-    normal, gradient = np.zeros((3, 3)), np.zeros(3)
-    kernels.add_prior(pose, predicted, prior, normal, gradient)
+    known, pull = np.diag([5.0, 6.0, 7.0]) + 1, np.array([1.0, 2.0, 3.0])
+    total, right = np.zeros((3, 3)), np.zeros(3)
+    kernels.add_prior(pose, predicted, prior, known, pull, total, right)
+    normal, gradient = total - np.triu(known), right - pull
+    assert (normal == np.diag(np.diag(normal))).all()
     for k in range(3):
         off = np.zeros(3)
         off[k] = 1e-6
@@ -362,12 +365,15 @@ def test_solve3_as_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     factor = rng.normal(0, 30, (3, 5))
     matrix, right = factor @ factor.T, rng.normal(0, 100, 3)
-    found = kernels.solve3(np.triu(matrix), right)
+    found = np.empty(3)
+    kernels.solve3(np.triu(matrix), right, found)
     assert matrix @ found == pytest.approx(right, abs=1e-6)
 
 
 def test_solve3_without_any_information_stays_where_it_is() -> None:
-    assert kernels.solve3(np.zeros((3, 3)), np.zeros(3)).tolist() == [0, 0, 0]
+    solution = np.ones(3)
+    kernels.solve3(np.zeros((3, 3)), np.zeros(3), solution)
+    assert solution.tolist() == [0, 0, 0]
 
 
 def room(step: float, start: float) -> Floats:

@@ -237,7 +237,10 @@ def linearise(
         normal, gradient: shape (3, 3) and (3,), filled; the upper triangle only.
     """
     c, s = cos(pose[2]), sin(pose[2])
-    normal[:], gradient[:] = 0.0, 0.0
+    for k in range(3):
+        gradient[k] = 0.0
+        for j in range(3):
+            normal[k, j] = 0.0
     for p in range(len(points)):
         if partners[p] < 0:
             continue
@@ -288,16 +291,17 @@ def refine(
     pose = start.copy()
     partners = np.empty(len(points), np.int64)
     normal, gradient = np.zeros((3, 3)), np.zeros(3)
-    total, right = np.zeros((3, 3)), np.zeros(3)
+    total, right, step = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
     fitted = 0
     for _ in range(rounds):
         fitted = associate(table, points, pose, shape, partners)
         x, y, theta = pose[0], pose[1], pose[2]
         for _ in range(STEPS):  # cheap beside the association
             linearise(table[3], partners, points, pose, shape[2], normal, gradient)
-            total[:], right[:] = normal, gradient
-            add_prior(pose, predicted, prior, total, right)
-            pose += solve3(total, right)
+            add_prior(pose, predicted, prior, normal, gradient, total, right)
+            solve3(total, right, step)
+            for k in range(3):
+                pose[k] += step[k]
         off = abs(pose[0] - x) + abs(pose[1] - y)
         if off < STILL and abs(pose[2] - theta) < STILL_TURN:
             break
@@ -311,22 +315,34 @@ def add_prior(
     prior: tuple[float, float, float],
     normal: NDArray[np.float64],
     gradient: NDArray[np.float64],
+    total: NDArray[np.float64],
+    right: NDArray[np.float64],
 ) -> None:
-    """Add the pull of the prediction, which weakens where the pose is far from it."""
-    off = predicted - pose
-    for first, last in ((0, 2), (2, 3)):
-        information = prior[first // 2]
-        square = 0.0
-        for k in range(first, last):
-            square += information * off[k] * off[k]
-        say = prior[2] / (prior[2] + square)
-        for k in range(first, last):
-            normal[k, k] += information * say * say
-            gradient[k] += information * say * say * off[k]
+    """Add the pull of the prediction, which weakens where the pose is far from it.
+
+    `total` and `right` are filled: the sums. (Loops, since numba compiles the assignment of whole
+    arrays together with the texts of its errors, for seconds.)
+    """
+    x, y, turn = predicted[0] - pose[0], predicted[1] - pose[1], predicted[2] - pose[2]
+    say_xy = prior[2] / (prior[2] + prior[0] * (x * x + y * y))
+    say_turn = prior[2] / (prior[2] + prior[1] * turn * turn)
+    for k in range(3):
+        right[k] = gradient[k]
+        for j in range(k, 3):
+            total[k, j] = normal[k, j]
+    xy, theta = prior[0] * say_xy * say_xy, prior[1] * say_turn * say_turn
+    total[0, 0] += xy
+    total[1, 1] += xy
+    total[2, 2] += theta
+    right[0] += xy * x
+    right[1] += xy * y
+    right[2] += theta * turn
 
 
 @njit(cache=True)
-def solve3(normal: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+def solve3(
+    normal: NDArray[np.float64], right: NDArray[np.float64], solution: NDArray[np.float64]
+) -> None:
     """Solve a symmetric 3 x 3 system, of which the upper triangle is given, by Cramer's rule."""
     a00, a11, a22 = normal[0, 0] + 1e-9, normal[1, 1] + 1e-9, normal[2, 2] + 1e-9
     a01, a02, a12 = normal[0, 1], normal[0, 2], normal[1, 2]
@@ -334,8 +350,6 @@ def solve3(normal: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[n
     c11, c12, c22 = a00 * a22 - a02 * a02, a01 * a02 - a00 * a12, a00 * a11 - a01 * a01
     determinant = a00 * c00 + a01 * c01 + a02 * c02
     x, y, z = right[0], right[1], right[2]
-    solution = np.empty(3)
     solution[0] = (c00 * x + c01 * y + c02 * z) / determinant
     solution[1] = (c01 * x + c11 * y + c12 * z) / determinant
     solution[2] = (c02 * x + c12 * y + c22 * z) / determinant
-    return solution
