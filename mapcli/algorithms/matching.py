@@ -66,8 +66,8 @@ class MatchParameters:
             seems to, so the prior weighs as if it had that many.
         lost_below: the share of the usual agreement below which odometry is suspected; then
         lost_xy, lost_xy_per_m, lost_theta_deg: a window of this half-width is searched, and
-            believed when the agreement there is usual again, better by `lost_gain`, and the scan
-            overlaps the map by `lost_overlap`.
+            believed when the agreement there is usual again, better by `lost_gain_at_once`, or a
+            second time by `lost_gain`, and the scan overlaps the map by `lost_overlap`.
         odd_below: the share of the usual agreement below which the map has nothing like the scan,
             which then says nothing.
     """
@@ -86,6 +86,7 @@ class MatchParameters:
     usual: int = 40
     lost_below: float = 0.9
     lost_gain: float = 0.1
+    lost_gain_at_once: float = 0.2
     lost_overlap: float = 0.4
     lost_xy: float = 0.5
     lost_xy_per_m: float = 2.2
@@ -104,6 +105,7 @@ class Match:
         found: whether the scan could say anything; otherwise the pose is the odometry's.
         information: shape (3, 3), how well the map alone fixes the pose, in the robot's frame:
             the inverse of a covariance of metres and radians; None where it was not asked.
+        doubtful: another pose, far from the odometry's, agrees clearly better with the map.
     """
 
     pose: Pose2D
@@ -111,6 +113,20 @@ class Match:
     overlap: int
     found: bool
     information: NDArray[np.float64] | None = None
+    doubtful: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Lately:
+    """What the scans before tell.
+
+    Attributes:
+        score: the agreement that is usual in this log.
+        doubted: the last scan's match was doubtful.
+    """
+
+    score: float = 1.0
+    doubted: bool = False
 
 
 def best_pose(
@@ -119,18 +135,18 @@ def best_pose(
     predicted: Pose2D,
     spread: Spread,
     parameters: MatchParameters,
-    usual_score: float = 1.0,
+    lately: Lately | None = None,
 ) -> Match:
     """The position in T, around the predicted pose, whose perception fits the map best.
 
-    `usual_score` is the agreement that scans of this log have lately had.
+    `lately` is what is known from the scans before.
     """
     if parameters.search == "book":
         return best_of_fifteen(grid, perception, predicted, parameters.similarity)
     points = thinned(perception.hits, grid.parameters.resolution)
     if parameters.search == "none" or len(points) < parameters.fewest:
         return Match(predicted, 0.0, 0, found=False)
-    return _Window(grid, points, predicted, spread, parameters).best(usual_score)
+    return _Window(grid, points, predicted, spread, parameters).best(lately or Lately())
 
 
 def thinned(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
@@ -159,18 +175,18 @@ class _Window:
         self.stride = max(1, stride)
         self.weight = kernels.FULL * max(len(points), parameters.usual) * parameters.prior
 
-    def best(self, usual_score: float) -> Match:
+    def best(self, lately: Lately) -> Match:
         """The best pose; a far wider window is searched when odometry seems lost."""
         p, spread = self.parameters, self.spread
         half_xy = p.window_xy + spread.reach * spread.xy
         half_turn = math.radians(p.window_theta_deg) + spread.reach * spread.turn
         self._cover(half_xy, half_turn)
         stay = self._settle(self.predicted)
-        if p.refine and self._is_usual(stay, usual_score):
+        if p.refine and self._is_usual(stay, lately.score):
             return stay
         best = self._search(half_xy, half_turn)
-        if best.score < p.lost_below * usual_score:
-            best = self._doubt(best, usual_score, half_xy)
+        if best.score < p.lost_below * lately.score:
+            best = self._doubt(best, lately, half_xy)
         elif p.refine and self._is_far(best.pose) and stay.score >= best.score - p.indifferent:
             # Along a wall the scan fits best where it covers most of the map, which is where
             # it was taken before; odometry knows better unless the map contradicts.
@@ -191,15 +207,18 @@ class _Window:
         turn = abs(self.predicted.between(pose).theta)
         return self.predicted.distance(pose) > self.spread.xy or turn > self.spread.turn
 
-    def _doubt(self, best: Match, usual_score: float, half_xy: float) -> Match:
+    def _doubt(self, best: Match, lately: Lately, half_xy: float) -> Match:
         """The scan fits the map worse than usual: odometry may be lost, or the map too young."""
-        p, spread, low = self.parameters, self.spread, self.parameters.lost_below * usual_score
+        p, spread, low = self.parameters, self.spread, self.parameters.lost_below * lately.score
         wide_xy = max(half_xy, p.lost_xy + p.lost_xy_per_m * spread.metres)
         other = self._search(wide_xy, math.radians(p.lost_theta_deg))
         enough = other.overlap >= p.lost_overlap * len(self.points)
-        if enough and other.score >= max(low, best.score + p.lost_gain):
-            return other
-        return replace(best, found=best.found and best.score >= p.odd_below * usual_score)
+        gain = other.score - best.score if enough and other.score >= low else 0.0
+        doubtful = gain >= p.lost_gain
+        if doubtful and (lately.doubted or gain >= p.lost_gain_at_once):
+            return replace(other, doubtful=True)
+        found = best.found and best.score >= p.odd_below * lately.score
+        return replace(best, found=found, doubtful=doubtful)
 
     def _search(self, half_xy: float, half_turn: float) -> Match:
         """The best pose in a window around the predicted one, refined."""

@@ -17,7 +17,7 @@ from mapcli.algorithms.dead_reckoning import DeadReckoning, OdometryModel
 from mapcli.algorithms.keyframes import Track
 from mapcli.algorithms.locate import locate
 from mapcli.algorithms.loops import LoopParameters
-from mapcli.algorithms.matching import Match, MatchParameters, best_pose, thinned
+from mapcli.algorithms.matching import Lately, Match, MatchParameters, best_pose, thinned
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.odometry import odometry_at_scans
 from mapcli.algorithms.perception import Perception, PerceptionParameters, perceive
@@ -74,7 +74,7 @@ class Slam:
         self._is_lost, self._tries = known is not None and start is None, 0
         self.odometry = DeadReckoning(p.odometry, p.calibration)
         self.track = Track()
-        self._usual_score, self._has_begun = 0.9, False
+        self._lately, self._has_begun = Lately(0.9), False
 
     @property
     def map(self) -> OccupancyGrid:
@@ -97,7 +97,7 @@ class Slam:
             b = self._locate(p)
         elif not first or self._is_continued:  # 5-8: the best test position around n
             spread = self.odometry.spread(motion)
-            b = best_pose(self.map, p, n, spread, self.parameters.match, self._usual_score)
+            b = best_pose(self.map, p, n, spread, self.parameters.match, self._lately)
             self._learn(c, b)
         n = b.pose  # 9: replace new position by best position
         in_map = not self._is_lost and self.current.update(n, p)  # 10: update map based on it
@@ -120,9 +120,11 @@ class Slam:
 
     def _learn(self, before: Pose2D, match: Match) -> None:
         """What the match tells about scores and wheels."""
+        usual = self._lately.score
         if match.found:
-            self._usual_score += SCORE_MEMORY * (match.score - self._usual_score)
+            usual += SCORE_MEMORY * (match.score - usual)
             self.odometry.learn(before.between(match.pose), match.information)
+        self._lately = Lately(usual, match.doubtful)
 
     def _record(self, perception: Perception, pose: Pose2D, match: Match, *, in_map: bool) -> None:
         """Keep what is needed when the log has ended."""
