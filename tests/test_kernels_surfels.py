@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from mapcli.algorithms._kernels import surfel_fit
 from mapcli.algorithms._kernels import surfels as kernels
 from mapcli.algorithms._kernels.ambiguity import fits
 
@@ -252,7 +253,7 @@ def test_associate_is_nearest_surfel_of_each_point(seed: int) -> None:
     table, _ = table_of(scattered(seed, 120, 0.5))
     points, pose = scattered(seed + 1, 40, 0.7), np.array([0.1, -0.05, 2.5])
     partners = np.empty(len(points), np.int64)
-    fitted = kernels.associate(table, points, pose, SHAPE, partners)
+    fitted = surfel_fit.associate(table, points, pose, SHAPE, partners)
     expected = [
         kernels.nearest_surfel(table, x, y, CELL, THICKNESS) for x, y in moved(points, pose)
     ]
@@ -283,7 +284,7 @@ def random_fit(seed: int) -> tuple[Floats, NDArray[np.int64], Floats, Floats]:
     table, _ = table_of(scattered(seed, 200, 0.5))
     points, pose = scattered(seed + 1, 60, 0.5), np.array([*rng.normal(0, 0.02, 2), 0.05])
     partners = np.empty(len(points), np.int64)
-    assert kernels.associate(table, points, pose, SHAPE, partners) > 20
+    assert surfel_fit.associate(table, points, pose, SHAPE, partners) > 20
     return table[3], partners, points, pose
 
 
@@ -292,7 +293,7 @@ def random_fit(seed: int) -> tuple[Floats, NDArray[np.int64], Floats, Floats]:
 def test_the_gradient_is_that_of_the_robust_cost(seed: int) -> None:
     surfels, partners, points, pose = random_fit(seed)
     normal, gradient = np.zeros((3, 3)), np.zeros(3)
-    kernels.linearise(surfels, partners, points, pose, DOUBT, normal, gradient)
+    surfel_fit.linearise(surfels, partners, points, pose, DOUBT, normal, gradient)
     step = 1e-6
     for k in range(3):
         off = np.zeros(3)
@@ -308,7 +309,7 @@ def test_the_gradient_is_that_of_the_robust_cost(seed: int) -> None:
 def test_the_normal_matrix_as_its_twin(seed: int) -> None:
     surfels, partners, points, pose = random_fit(seed)
     normal, gradient = np.ones((3, 3)), np.ones(3)  # what was there before does not matter
-    kernels.linearise(surfels, partners, points, pose, DOUBT, normal, gradient)
+    surfel_fit.linearise(surfels, partners, points, pose, DOUBT, normal, gradient)
     expected = np.zeros((3, 3))
     for point, partner in zip(points, partners, strict=True):
         if partner >= 0:
@@ -328,7 +329,7 @@ def test_a_points_say_falls_to_a_quarter_at_the_doubt() -> None:
     for deviations, say in ((0.0, 1.0), (DOUBT, 0.25)):
         point = np.array([[deviations / 10, 0.0]])
         normal, gradient = np.zeros((3, 3)), np.zeros(3)
-        kernels.linearise(surfels, partners, point, pose, DOUBT, normal, gradient)
+        surfel_fit.linearise(surfels, partners, point, pose, DOUBT, normal, gradient)
         assert normal[0, 0] == pytest.approx(100 * say)
         assert gradient[0] == pytest.approx(-100 * say * deviations / 10)
 
@@ -348,7 +349,7 @@ def test_the_prior_pulls_down_its_cost(place: tuple[float, float, float]) -> Non
     pose, predicted, prior = np.array(place), np.array([0.2, -0.1, 0.3]), (100.0, 400.0, 9.0)
     known, pull = np.diag([5.0, 6.0, 7.0]) + 1, np.array([1.0, 2.0, 3.0])
     total, right = np.zeros((3, 3)), np.zeros(3)
-    kernels.add_prior(pose, predicted, prior, known, pull, total, right)
+    surfel_fit.add_prior(pose, predicted, prior, known, pull, total, right)
     normal, gradient = total - np.triu(known), right - pull
     assert (normal == np.diag(np.diag(normal))).all()
     for k in range(3):
@@ -366,13 +367,13 @@ def test_solve3_as_numpy(seed: int) -> None:
     factor = rng.normal(0, 30, (3, 5))
     matrix, right = factor @ factor.T, rng.normal(0, 100, 3)
     found = np.empty(3)
-    kernels.solve3(np.triu(matrix), right, found)
+    surfel_fit.solve3(np.triu(matrix), right, found)
     assert matrix @ found == pytest.approx(right, abs=1e-6)
 
 
 def test_solve3_without_any_information_stays_where_it_is() -> None:
     solution = np.ones(3)
-    kernels.solve3(np.zeros((3, 3)), np.zeros(3), solution)
+    surfel_fit.solve3(np.zeros((3, 3)), np.zeros(3), solution)
     assert solution.tolist() == [0, 0, 0]
 
 
@@ -401,7 +402,7 @@ def test_refine_finds_a_pose_that_is_less_than_a_cell_off(seed: int) -> None:
     c, s = cos(true[2]), sin(true[2])
     points = (world - true[:2]) @ np.array([[c, -s], [s, c]])
     start = true + np.array([*rng.uniform(-CELL, CELL, 2) * 0.7, rng.uniform(-0.015, 0.015)])
-    pose, normal, fitted = kernels.refine(table, points, start, start, NO_PRIOR, SHAPE, 20)
+    pose, normal, fitted = surfel_fit.refine(table, points, start, start, NO_PRIOR, SHAPE, 20)
     # Nothing but corners, where two walls are in one cell, keeps it from being exact.
     assert np.hypot(*(pose - true)[:2]) < CELL / 10
     assert abs(pose[2] - true[2]) < radians(0.1)
@@ -412,7 +413,9 @@ def test_refine_finds_a_pose_that_is_less_than_a_cell_off(seed: int) -> None:
 
 def test_refine_where_nothing_is_stays() -> None:
     table, start = empty_table(16), np.array([1.0, 2.0, 3.0])
-    pose, normal, fitted = kernels.refine(table, room(0.5, 0.1), start, start, NO_PRIOR, SHAPE, 5)
+    pose, normal, fitted = surfel_fit.refine(
+        table, room(0.5, 0.1), start, start, NO_PRIOR, SHAPE, 5
+    )
     assert pose.tolist() == [1, 2, 3]
     assert not normal.any()
     assert fitted == 0

@@ -12,7 +12,7 @@ from looping import MAP, blind, box, scan_at, see
 from mapcli.algorithms import locate as locating
 from mapcli.algorithms.current_map import CurrentMapParameters
 from mapcli.algorithms.locate import locate
-from mapcli.algorithms.matching import MatchParameters
+from mapcli.algorithms.match import MatchParameters
 from mapcli.algorithms.occupancy import LOG_ODDS_UNIT, MapParameters, OccupancyGrid, log_odds_of
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.raycast import edges_of

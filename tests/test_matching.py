@@ -8,14 +8,8 @@ import numpy as np
 import pytest
 
 from mapcli.algorithms.dead_reckoning import OdometryModel, Spread
-from mapcli.algorithms.matching import (
-    FIFTEEN,
-    Match,
-    MatchParameters,
-    best_of_fifteen,
-    best_pose,
-    thinned,
-)
+from mapcli.algorithms.match import Match, MatchParameters
+from mapcli.algorithms.matching import FIFTEEN, best_of_fifteen, best_pose, thinned
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.raycast import cast, edges_of

@@ -14,7 +14,7 @@ from mapcli.algorithms import occupancy
 from mapcli.algorithms.calibration import CalibrationParameters
 from mapcli.algorithms.current_map import CurrentMapParameters
 from mapcli.algorithms.dead_reckoning import HIGHEST_SPEED
-from mapcli.algorithms.matching import MatchParameters, Search
+from mapcli.algorithms.match import MatchParameters, Search
 from mapcli.algorithms.occupancy import MapParameters
 from mapcli.algorithms.perception import PerceptionParameters
 from mapcli.algorithms.raycast import cast, edges_of

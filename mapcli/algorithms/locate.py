@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from mapcli.algorithms._kernels import matching as kernels
-from mapcli.algorithms.matching import Match, MatchParameters, thinned
+from mapcli.algorithms.match import Match, MatchParameters
+from mapcli.algorithms.matching import thinned
 from mapcli.algorithms.occupancy import LEVEL_WIDTHS, OccupancyGrid
 from mapcli.algorithms.perception import Perception
 from mapcli.errors import DataError

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from mapcli.algorithms._kernels.matching import overlap
 from mapcli.algorithms.dead_reckoning import Spread
 from mapcli.algorithms.evaluate import nearest
-from mapcli.algorithms.matching import MatchParameters, best_pose, thinned
+from mapcli.algorithms.match import MatchParameters
+from mapcli.algorithms.matching import best_pose, thinned
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.relations import compare_relations

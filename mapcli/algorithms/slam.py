@@ -17,7 +17,8 @@ from mapcli.algorithms.dead_reckoning import DeadReckoning, OdometryModel
 from mapcli.algorithms.keyframes import Track
 from mapcli.algorithms.locate import locate
 from mapcli.algorithms.loops import LoopParameters
-from mapcli.algorithms.matching import Lately, Match, MatchParameters, best_pose, thinned
+from mapcli.algorithms.match import Lately, Match, MatchParameters
+from mapcli.algorithms.matching import best_pose, thinned
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.odometry import odometry_at_scans
 from mapcli.algorithms.perception import Perception, PerceptionParameters, perceive

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels import surfels as kernels
+from mapcli.algorithms._kernels.surfel_fit import refine
 from mapcli.model.pose import Pose2D, wrap_angle
 
 START = 1 << 10
@@ -134,7 +135,7 @@ class SurfelMap:
         # Headings on the same turn of the circle.
         heading = start.theta + wrap_angle(predicted.theta - start.theta)
         share = 1 / p.independent
-        pose, normal, fitted = kernels.refine(
+        pose, normal, fitted = refine(
             (self._keys, self._slots, self._moments, self._surfels, self._states),
             points,
             begin,

@@ -10,7 +10,7 @@ import click
 
 from mapcli.algorithms.current_map import CurrentMapParameters
 from mapcli.algorithms.loops import LoopParameters
-from mapcli.algorithms.matching import MatchParameters
+from mapcli.algorithms.match import MatchParameters
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid, units_of
 from mapcli.algorithms.perception import PerceptionParameters
 from mapcli.algorithms.similarity import SIMILARITIES
