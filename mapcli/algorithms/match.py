@@ -35,7 +35,8 @@ class MatchParameters:
         lost_below: the share of the usual agreement below which odometry is suspected; then
         lost_xy, lost_xy_per_m, lost_theta_deg: a window of this half-width is searched, and
             believed when the agreement there is usual again, better by `lost_gain_at_once`, or a
-            second time by `lost_gain`, and the scan overlaps the map by `lost_overlap`.
+            second time by `lost_gain` and at most `lost_leap` metres away, and the scan overlaps
+            the map by `lost_overlap`.
         odd_below: the share of the usual agreement below which the map has nothing like the scan,
             which then says nothing.
     """
@@ -55,6 +56,7 @@ class MatchParameters:
     lost_below: float = 0.9
     lost_gain: float = 0.1
     lost_gain_at_once: float = 0.2
+    lost_leap: float = 1.0
     lost_overlap: float = 0.4
     lost_xy: float = 0.5
     lost_xy_per_m: float = 2.2

@@ -130,7 +130,8 @@ class _Window:
         enough = other.overlap >= p.lost_overlap * len(self.points)
         gain = other.score - best.score if enough and other.score >= low else 0.0
         doubtful = gain >= p.lost_gain
-        if doubtful and (lately.doubted or gain >= p.lost_gain_at_once):
+        again = lately.doubted and self.predicted.distance(other.pose) <= p.lost_leap
+        if doubtful and (again or gain >= p.lost_gain_at_once):
             return replace(other, doubtful=True)
         found = best.found and best.score >= p.odd_below * lately.score
         return replace(best, found=found, doubtful=doubtful)
