@@ -61,7 +61,7 @@ class MatchParameters:
     lost_xy: float = 0.5
     lost_xy_per_m: float = 2.2
     lost_theta_deg: float = 45.0
-    odd_below: float = 0.55
+    odd_below: float = 0.6
 
 
 @dataclass(frozen=True, slots=True)
