@@ -1,6 +1,6 @@
 """Large worlds with wheels that are badly wrong, where the simulator knows the truth.
 
-    python benchmarks/worlds.py [NAME...] [--folder FOLDER]
+    python benchmarks/worlds.py [NAME...]
 
 Makes each world, drives through it (`mapcli simulate`), replays the log with and without loop
 closing, and prints how far the poses are from the truth (`mapcli evaluate`, ATE in metres, root

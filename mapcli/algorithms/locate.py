@@ -54,7 +54,7 @@ def locate(grid: OccupancyGrid, perception: Perception, parameters: MatchParamet
     du, dv, turn, _, _ = kernels.search(
         grid.fields, LEVEL_WIDTHS, thinned(points, SEARCH_CELLS * cell) / cell,
         grid.pose_to_cells(middle), (reach, turns), (1, step), (0.0, 1.0, 0.0, 0.0),
-        len(LEVEL_WIDTHS) - 1,
+        kernels.top_level(reach),
     )  # fmt: skip
     best = grid.pose_to_cells(middle) + np.array([du, dv, turn * step])
     fit = grid.walls.fit(points, grid.pose_from_cells(best))

@@ -126,7 +126,9 @@ class _Window:
         """The scan fits the map worse than usual: odometry may be lost, or the map too young."""
         p, spread, low = self.parameters, self.spread, self.parameters.lost_below * lately.score
         wide_xy = max(half_xy, p.lost_xy + p.lost_xy_per_m * spread.metres)
-        other = self._search(wide_xy, math.radians(p.lost_theta_deg))
+        wide_turn = math.radians(p.lost_theta_deg)
+        self._cover(wide_xy, wide_turn)
+        other = self._search(wide_xy, wide_turn)
         enough = other.overlap >= p.lost_overlap * len(self.points)
         gain = other.score - best.score if enough and other.score >= low else 0.0
         doubtful = gain >= p.lost_gain
@@ -137,8 +139,7 @@ class _Window:
         return replace(best, found=found, doubtful=doubtful)
 
     def _search(self, half_xy: float, half_turn: float) -> Match:
-        """The best pose in a window around the predicted one, refined."""
-        self._cover(half_xy, half_turn)
+        """The best pose in a window around the predicted one, which is covered, refined."""
         start = self.grid.pose_to_cells(self.predicted)
         reach = math.ceil(half_xy / self.cell)
         cell_prior = (self.cell / self.spread.xy) ** 2
@@ -151,7 +152,7 @@ class _Window:
             (reach, math.ceil(half_turn / self.turn_step)),
             (self.stride, self.turn_step),
             (self.weight, self.parameters.prior_knee, cell_prior, step_prior),
-            2 if reach < 8 else 3,
+            kernels.top_level(reach),
         )
         return self._settle(
             self.grid.pose_from_cells(start + np.array([du, dv, turn * self.turn_step]))

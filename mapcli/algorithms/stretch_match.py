@@ -114,29 +114,38 @@ class StretchMatcher:
         if not len(points):
             return None
         grid, cell = self.map_around(old), self.map.resolution
-        radius = math.sqrt(float((points**2).sum(axis=1).max()))
-        reach, turns = math.ceil(window[0] / cell), math.ceil(window[1] / TURN_STEP)
-        slack = (reach + max(LEVEL_WIDTHS)) * cell + radius * (turns + 1) * TURN_STEP
-        seen = predicted.apply(points)
-        grid.cover(seen.min(axis=0) - slack, seen.max(axis=0) + slack)
+        half = math.ceil(window[0] / cell), math.ceil(window[1] / TURN_STEP)
+        self._cover(grid, points, predicted, half)
         start = grid.pose_to_cells(predicted)
         cells = thinned(points, self.parameters.search_cell) / cell
         du, dv, turn, _, _ = kernels.search(
-            grid.fields, LEVEL_WIDTHS, cells, start, (reach, turns), (1, TURN_STEP),
-            self._prior(len(cells), deviations), 2 if reach < 8 else 3,
+            grid.fields, LEVEL_WIDTHS, cells, start, half, (1, TURN_STEP),
+            self._prior(len(cells), deviations), kernels.top_level(half[0]),
         )  # fmt: skip
         best = start + np.array([du, dv, turn * TURN_STEP])
         fit = grid.walls.fit(points, grid.pose_from_cells(best))
         known, score = kernels.overlap(
             grid.log_odds, grid.fields[0], cells, grid.pose_to_cells(fit.pose)
         )
-        at_edge = max(abs(du), abs(dv)) >= reach - EDGE or abs(turn) >= turns - EDGE
-        centre = np.array([start[0] - best[0], start[1] - best[1]]).round()
-        doubt = self._doubt(grid, cells, best, centre, reach)
-        covariance = (
-            covariance_of(fit.in_own_frame()) + self._floor() + turned(doubt, -fit.pose.theta)
-        )
+        at_edge = max(abs(du), abs(dv)) >= half[0] - EDGE or abs(turn) >= half[1] - EDGE
+        doubt = self._doubt(grid, cells, best, (start - best)[:2].round(), half[0])
+        covariance = covariance_of(fit.in_own_frame()) + self._floor()
+        covariance += turned(doubt, -fit.pose.theta)
         return StretchMatch(fit.pose, covariance, score, known / len(cells), at_edge)
+
+    def _cover(
+        self,
+        grid: OccupancyGrid,
+        points: NDArray[np.float64],
+        predicted: Pose2D,
+        half: tuple[int, int],
+    ) -> None:
+        """Make a map hold every point of every pose in a window, cells and turns to each side."""
+        radius = math.sqrt(float((points**2).sum(axis=1).max()))
+        slack = (half[0] + max(LEVEL_WIDTHS)) * self.map.resolution
+        slack += radius * (half[1] + 1) * TURN_STEP
+        seen = predicted.apply(points)
+        grid.cover(seen.min(axis=0) - slack, seen.max(axis=0) + slack)
 
     def points(self, anchor: int) -> NDArray[np.float64]:
         """What was seen around a keyframe, shape (n, 2), in its frame."""

@@ -21,6 +21,7 @@ Colour = tuple[int, int, int]
 WHITE: Colour = (255, 255, 255)
 INK: Colour = (38, 42, 48)
 FAINT_INK: Colour = (112, 118, 126)
+FAINT_LINE: Colour = (224, 226, 229)
 UNKNOWN: Colour = (226, 228, 231)
 RED: Colour = (214, 39, 40)
 BLUE: Colour = (38, 90, 196)
@@ -226,3 +227,17 @@ def label(
         (x, y), text, font=font(size), fill=fill, anchor=anchor,
         stroke_width=stroke, stroke_fill=halo,
     )  # fmt: skip
+
+
+def draw_x_scale(
+    image: Image.Image, box: tuple[float, float, float, float], longest: float, gap: int
+) -> None:
+    """Grid lines across a plot's box (left, top, right, bottom), from 0 to `longest`, each with
+    its number `gap` pixels below."""
+    left, top, right, bottom = box
+    draw, step = ImageDraw.Draw(image), round_length(longest / 4)
+    for k in range(int(longest / step + 1e-9) + 1):
+        x = left + k * step / longest * (right - left)
+        draw.line((x, top, x, bottom), fill=FAINT_LINE)
+        text = f"{k * step:,.10g}"
+        label(image, x, bottom + gap, text, 20, anchor="mt", fill=FAINT_INK, halo=None)

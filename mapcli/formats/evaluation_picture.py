@@ -10,8 +10,10 @@ from PIL import Image, ImageDraw
 
 from mapcli.formats.drawing import (
     FAINT_INK,
+    FAINT_LINE,
     INK,
     WHITE,
+    draw_x_scale,
     label,
     png_bytes,
     round_length,
@@ -29,7 +31,6 @@ HIGHEST_PATH, LOWEST_PATH = 900, 240
 STRIP, GAP, FOOT = 190, 84, 80
 """Heights of a strip of errors, of what is between two, and of the axis below the last, pixels."""
 
-GRID = (224, 226, 229)
 REFERENCE = (176, 186, 199)
 HUES = (0.15, 0.95)
 """Least to most error on the scale of `time_colours`: dark blue to orange."""
@@ -183,11 +184,6 @@ def _draw_axes(image: Image.Image, top: int, last: float, most: float) -> None:
     step = round_length(most / 2)
     for k in range(int(most / step + 1e-9) + 1):
         y = bottom - k * step / most * STRIP
-        canvas.line((LEFT, y, RIGHT, y), fill=GRID)
+        canvas.line((LEFT, y, RIGHT, y), fill=FAINT_LINE)
         label(image, LEFT - 12, y, f"{k * step:.6g}", 20, anchor="rm", fill=FAINT_INK, halo=None)
-    step = round_length(last / 4)
-    for k in range(int(last / step + 1e-9) + 1):
-        x = LEFT + k * step / last * (RIGHT - LEFT)
-        canvas.line((x, top, x, bottom), fill=GRID)
-        text = f"{k * step:,.10g}"
-        label(image, x, bottom + 10, text, 20, anchor="mt", fill=FAINT_INK, halo=None)
+    draw_x_scale(image, (LEFT, top, RIGHT, bottom), last, 10)

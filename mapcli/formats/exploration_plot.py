@@ -10,10 +10,11 @@ from PIL import Image, ImageDraw
 
 from mapcli.formats.drawing import (
     FAINT_INK,
+    FAINT_LINE,
     WHITE,
+    draw_x_scale,
     label,
     png_bytes,
-    round_length,
     smooth_disc,
     stamp_line,
 )
@@ -51,17 +52,12 @@ def _points(curve: CoverageCurve, longest: float) -> NDArray[np.float64]:
 
 
 def _draw_axes(image: Image.Image, longest: float) -> None:
-    draw, faint = ImageDraw.Draw(image), (224, 226, 229)
+    draw = ImageDraw.Draw(image)
     for percent in range(0, 101, 20):
         y = BOTTOM - percent / 100 * (BOTTOM - TOP)
-        draw.line((LEFT, y, RIGHT, y), fill=faint)
+        draw.line((LEFT, y, RIGHT, y), fill=FAINT_LINE)
         label(image, LEFT - 12, y, f"{percent} %", 20, anchor="rm", fill=FAINT_INK, halo=None)
-    step = round_length(longest / 4)
-    for k in range(int(longest / step + 1e-9) + 1):
-        x = LEFT + k * step / longest * (RIGHT - LEFT)
-        draw.line((x, TOP, x, BOTTOM), fill=faint)
-        text = f"{k * step:,.10g}"
-        label(image, x, BOTTOM + 12, text, 20, anchor="mt", fill=FAINT_INK, halo=None)
+    draw_x_scale(image, (LEFT, TOP, RIGHT, BOTTOM), longest, 12)
     middle = (LEFT + RIGHT) / 2
     label(image, middle, BOTTOM + 46, "distance driven, m", 20, anchor="mt", halo=None)
     label(image, LEFT, TOP - 10, "coverage", 20, anchor="lb", halo=None)

@@ -75,6 +75,11 @@ def total(field: NDArray[np.uint8], places: NDArray[np.int64], offset: int) -> i
     return score
 
 
+def top_level(reach: int) -> int:
+    """The level of the largest nodes that is worth it in a window of so many cells either way."""
+    return 2 if reach < 8 else 3
+
+
 def search(
     fields: NDArray[np.uint8],
     widths: NDArray[np.int64],
