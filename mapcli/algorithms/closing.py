@@ -15,6 +15,9 @@ from mapcli.algorithms.surfels import SurfelMap
 from mapcli.model.pose import Pose2D
 from mapcli.model.trace import Information, Loop
 
+AT_ONCE = 1000
+"""Scans that are refitted in one go."""
+
 
 @dataclass(frozen=True)
 class RefineParameters:
@@ -84,14 +87,14 @@ def refine(
     poses, keys = list(poses), [keyframe.scan for keyframe in track.keyframes]
     for _ in range(parameters.rounds):
         walls = walls_of(track, poses, cell)
-        fitted = [refit(walls, track, poses, scan, parameters) for scan in keys]
+        fitted = refit(walls, track, poses, keys, parameters)
         moved = [poses[scan].distance(pose) for scan, pose in zip(keys, fitted, strict=True)]
         for scan, pose in zip(keys, fitted, strict=True):
             poses[scan] = pose
         if sum(moved) < parameters.still_m * len(moved):
             break
     walls = walls_of(track, poses, cell)
-    return [refit(walls, track, poses, scan, parameters) for scan in range(len(poses))]
+    return refit(walls, track, poses, list(range(len(poses))), parameters)
 
 
 def walls_of(track: Track, poses: list[Pose2D], cell: float) -> SurfelMap:
@@ -104,13 +107,22 @@ def walls_of(track: Track, poses: list[Pose2D], cell: float) -> SurfelMap:
 
 
 def refit(
-    walls: SurfelMap, track: Track, poses: list[Pose2D], scan: int, parameters: RefineParameters
-) -> Pose2D:
-    """A scan's pose fitted to the walls, unless they say too little or lead astray."""
-    pose = poses[scan]
-    fit = walls.fit(track.points[scan].astype(np.float64), pose)
-    near = pose.distance(fit.pose) <= parameters.farthest_m
-    return fit.pose if near and fit.fitted >= parameters.fewest else pose
+    walls: SurfelMap,
+    track: Track,
+    poses: list[Pose2D],
+    scans: list[int],
+    parameters: RefineParameters,
+) -> list[Pose2D]:
+    """Poses of scans fitted to the walls, unless these say too little or lead astray."""
+    refitted = []
+    for first in range(0, len(scans), AT_ONCE):
+        some = scans[first : first + AT_ONCE]
+        starts = [poses[scan] for scan in some]
+        fits = walls.fit_each([track.points[scan] for scan in some], starts)
+        for start, (pose, fitted) in zip(starts, fits, strict=True):
+            near = start.distance(pose) <= parameters.farthest_m
+            refitted.append(pose if near and fitted >= parameters.fewest else start)
+    return refitted
 
 
 def information_of(edge: Edge) -> Information:

@@ -17,7 +17,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms._kernels.mapping import bridge_walls, integrate_beams, update_field
+from mapcli.algorithms._kernels.mapping import (
+    bridge_walls,
+    integrate_beams,
+    place_beams,
+    update_field,
+)
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.surfels import SurfelMap
 from mapcli.errors import DataError
@@ -100,7 +105,7 @@ class OccupancyGrid:
         self._bump = self.parameters.bump()
         self._u0 = self._v0 = 0
         self._base = np.zeros(2)  # where cell (0, 0) would be, in the world
-        self._changed = np.empty((0, 2), dtype=np.int32)
+        self._touched = self._changed = np.empty(0, dtype=np.int64)
 
     @classmethod
     def of(cls, known: GridMap, parameters: MapParameters) -> OccupancyGrid:
@@ -198,50 +203,69 @@ class OccupancyGrid:
         Without `field`, the likelihood field stays behind until `make_field` and `bridge` are
         called, which is cheaper for a map that is made first and searched afterwards, or never.
         """
-        ends = pose.apply(np.concatenate([perception.hits, perception.open_ends]))
-        laser = pose.apply(perception.laser[None, :])
-        if not len(ends):
+        beams, hits = perception.beams(), len(perception.hits)
+        if len(beams) == 1:
             return
-        both = np.concatenate([ends, laser])
-        self.cover(both.min(axis=0), both.max(axis=0))
-        hits = len(perception.hits)
+        if len(beams) > hits + 1 or not self.holds(pose, perception.reach()):
+            seen = pose.apply(beams)
+            self.cover(seen.min(axis=0), seen.max(axis=0))
+        ends, cells, touched = self._place(pose, beams)
         self.walls.add(ends[:hits])
-        ends = self.to_cells(ends)
-        changed = self._write(self.to_cells(laser)[0], ends, hits)
+        changed = self._write(cells, hits, touched)
         if field:
             update_field(self.fields, LEVEL_WIDTHS, self.log_odds, changed, self._bump)
-            bridge_walls(self.fields, LEVEL_WIDTHS, self.log_odds, ends[:hits], self._bump)
+            self._bridge(cells[:hits])
 
     def bridge(self, pose: Pose2D, perception: Perception) -> None:
         """Raise the field along walls that a scan shows with gaps, see `bridge_walls`."""
-        ends = self.to_cells(pose.apply(perception.hits))
+        self._bridge(self.to_cells(pose.apply(perception.hits)))
+
+    def _bridge(self, ends: NDArray[np.float64]) -> None:
         bridge_walls(self.fields, LEVEL_WIDTHS, self.log_odds, ends, self._bump)
 
-    def _write(
-        self, laser: NDArray[np.float64], ends: NDArray[np.float64], hits: int
-    ) -> NDArray[np.int32]:
-        """Write beams into the log-odds; the cells that matter to the field, shape (n, 2)."""
+    def _place(
+        self, pose: Pose2D, beams: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+        """Beams in the world and in the map, and how many cells they touch at most."""
+        ends, cells = np.empty_like(beams), np.empty_like(beams)
+        x, y = self._base.tolist()
+        frame = x, y, self.parameters.resolution, self._u0, self._v0
+        return ends, cells, place_beams(beams, (pose.x, pose.y, pose.theta), frame, ends, cells)
+
+    def _write(self, beams: NDArray[np.float64], hits: int, touched: int) -> NDArray[np.int64]:
+        """Write beams into the log-odds; the numbers of the cells that matter to the field."""
         p = self.parameters
-        lengths = np.abs(np.floor(ends) - np.floor(laser)).sum(axis=1)
-        needed = int(lengths.sum()) + len(ends)
-        if len(self._changed) < needed:
-            self._changed = np.empty((2 * needed, 2), dtype=np.int32)
+        if len(self._changed) < touched:
+            self._touched, self._changed = (np.empty(2 * touched, np.int64) for _ in range(2))
         rules = p.hit, p.miss, p.highest, p.lowest
         count = integrate_beams(
-            self.log_odds, self.fields[0], laser, ends, hits, rules, self._changed
-        )
+            self.log_odds.reshape(-1), self.fields[0].reshape(-1), self.log_odds.shape[1],
+            beams, hits, rules, self._touched, self._changed,
+        )  # fmt: skip
         return self._changed[:count]
 
     def make_field(self) -> None:
-        """Make the likelihood field of all walls at once."""
-        self.fields[:] = 0
-        walls = np.argwhere(self.log_odds > 0).astype(np.int32)
-        update_field(self.fields[:1], LEVEL_WIDTHS[:1], self.log_odds, walls, self._bump)
+        """Make the likelihood field of all walls at once, where there is none yet."""
+        walls = np.flatnonzero(self.log_odds > 0)
+        if not len(walls):
+            return
+        update_field(self.fields, LEVEL_WIDTHS[:1], self.log_odds, walls, self._bump)
+        part = self.fields[:, *self._around(walls)]
         for level, (width, wider) in enumerate(pairwise(LEVEL_WIDTHS.tolist()), start=1):
-            bound = self.fields[level - 1]
+            bound = part[level - 1]
             for axis in (0, 1):
                 bound = highest_ahead(bound, wider // width, width, axis)
-            self.fields[level] = bound
+            part[level] = bound
+
+    def _around(self, walls: NDArray[np.int64]) -> tuple[slice, slice]:
+        """The rows and columns where the field and its bounds are more than 0."""
+        edge = len(self._bump) // 2
+        v, u = np.divmod(walls, self.log_odds.shape[1])
+        before, after = edge + int(LEVEL_WIDTHS[-1]), edge + 1
+        return (
+            slice(int(v.min()) - before, int(v.max()) + after),
+            slice(int(u.min()) - before, int(u.max()) + after),
+        )
 
     def to_grid_map(self) -> GridMap:
         """The obstacle probabilities, cropped to what is known and two cells around it."""

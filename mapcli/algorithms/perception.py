@@ -6,6 +6,7 @@ what they passed on the way, all in the robot's frame.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -48,6 +49,14 @@ class Perception:
     hits: NDArray[np.float64]
     open_ends: NDArray[np.float64]
     laser: NDArray[np.float64]
+
+    def beams(self) -> NDArray[np.float64]:
+        """Shape (n + k + 1, 2): where beams ended, hits first, and last where they start."""
+        return np.concatenate([self.hits, self.open_ends, self.laser[None]])
+
+    def reach(self) -> float:
+        """Metres from the robot to the farthest hit."""
+        return math.sqrt(float((self.hits * self.hits).sum(axis=1).max(initial=0.0)))
 
 
 def perceive(scan: RangeScan, parameters: PerceptionParameters) -> Perception:

@@ -220,7 +220,8 @@ class StretchMatcher:
         places = kernels.turned(cells, best, 0, 0.0, columns)[0]
         # Whole strides from the best pose, so that it is one of those that are asked.
         low_u, low_v = (math.ceil((c - reach) / STRIDE) * STRIDE for c in centre.tolist())
-        sums = fits(grid.fields[1].reshape(-1), places, columns, (low_u, low_v), count, STRIDE)
+        sums = np.empty((count, count), np.int64)
+        fits(grid.fields[1].reshape(-1), places, columns, (low_u, low_v), STRIDE, sums)
         share = (sums - sums.max()) / (kernels.FULL * len(cells) * self.parameters.nearly)
         weights = np.exp(share)
         steps = np.arange(count) * STRIDE

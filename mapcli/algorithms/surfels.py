@@ -15,11 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels import surfels as kernels
-from mapcli.algorithms._kernels.surfel_fit import refine
+from mapcli.algorithms._kernels.surfel_fit import fit_scans
 from mapcli.model.pose import Pose2D, wrap_angle
 
 START = 1 << 10
 """Cells that a new map has room for."""
+
+NO_IDEA = (math.inf, math.inf)
+"""How far off a pose may be, metres and radians, of which odometry says nothing."""
 
 
 @dataclass(frozen=True)
@@ -59,10 +62,15 @@ class Fit:
 
     def in_own_frame(self) -> NDArray[np.float64]:
         """The information ahead, to the left and in turning, of the fitted pose itself."""
-        cos, sin = math.cos(self.pose.theta), math.sin(self.pose.theta)
-        turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        moved: NDArray[np.float64] = turn @ self.information @ turn.T
-        return moved
+        c, s = math.cos(self.pose.theta), math.sin(self.pose.theta)
+        (xx, xy, xt), (_, yy, yt), (_, _, tt) = self.information.tolist()
+        ahead = c * c * xx + 2 * c * s * xy + s * s * yy
+        across = s * s * xx - 2 * c * s * xy + c * c * yy
+        both = c * s * (yy - xx) + (c * c - s * s) * xy
+        ahead_turn, across_turn = c * xt + s * yt, c * yt - s * xt
+        return np.array(
+            [[ahead, both, ahead_turn], [both, across, across_turn], [ahead_turn, across_turn, tt]]
+        )
 
 
 def covariance_of(information: NDArray[np.float64], least: float = 1e-4) -> NDArray[np.float64]:
@@ -71,12 +79,12 @@ def covariance_of(information: NDArray[np.float64], least: float = 1e-4) -> NDAr
     `least` is information that is there anyway, so that nothing is infinitely uncertain. (Written
     out, it takes a fifth of the time of a general inverse.)
     """
-    (a, b, c), (_, d, e), (_, _, f) = (information + least * np.eye(3)).tolist()
+    (a, b, c), (_, d, e), (_, _, f) = information.tolist()
+    a, d, f = a + least, d + least, f + least
     aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
     bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b
-    determinant = a * aa + b * ab + c * ac
-    inverse: NDArray[np.float64] = np.array([[aa, ab, ac], [ab, bb, bc], [ac, bc, cc]])
-    inverse /= determinant
+    inverse = np.array([[aa, ab, ac], [ab, bb, bc], [ac, bc, cc]])
+    inverse /= a * aa + b * ab + c * ac
     return inverse
 
 
@@ -120,7 +128,7 @@ class SurfelMap:
         points: NDArray[np.float64],
         start: Pose2D,
         predicted: Pose2D | None = None,
-        deviations: tuple[float, float] = (np.inf, np.inf),
+        deviations: tuple[float, float] = NO_IDEA,
     ) -> Fit:
         """The pose near `start` at which points lie on the walls.
 
@@ -129,21 +137,57 @@ class SurfelMap:
             predicted: what odometry says; it decides where the walls do not.
             deviations: how far off that may be: metres, radians.
         """
-        p = self.parameters
-        predicted = predicted or start
-        begin = np.array([start.x, start.y, start.theta], np.float64)
+        guess = predicted or start
         # Headings on the same turn of the circle.
-        heading = start.theta + wrap_angle(predicted.theta - start.theta)
+        heading = start.theta + wrap_angle(guess.theta - start.theta)
+        pose, matrix, fitted = self._fit(
+            points,
+            np.array([len(points)]),
+            np.array([[start.x, start.y, start.theta]], np.float64),
+            np.array([[guess.x, guess.y, heading]], np.float64),
+            deviations,
+        )
+        ((x, y, theta),) = pose.tolist()
+        ((xx, xy, xt, yy, yt, tt),) = matrix.tolist()
+        information = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
+        return Fit(Pose2D(x, y, wrap_angle(theta)), information, int(fitted[0]))
+
+    def fit_each(
+        self, scans: list[NDArray[np.float32]], starts: list[Pose2D]
+    ) -> list[tuple[Pose2D, int]]:
+        """What `fit` finds for each of many scans, without a prediction: pose and `fitted`."""
+        begin = np.array([(pose.x, pose.y, pose.theta) for pose in starts], np.float64)
+        points = np.concatenate(scans).astype(np.float64)
+        ends = np.cumsum([len(scan) for scan in scans])
+        poses, _, fitted = self._fit(points, ends, begin, begin.copy(), NO_IDEA)
+        return [
+            (Pose2D(x, y, wrap_angle(theta)), n)
+            for (x, y, theta), n in zip(poses.tolist(), fitted.tolist(), strict=True)
+        ]
+
+    def _fit(
+        self,
+        points: NDArray[np.float64],
+        ends: NDArray[np.int64],
+        poses: NDArray[np.float64],
+        predicted: NDArray[np.float64],
+        deviations: tuple[float, float],
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+        """Fit scans, see `fit_scans`: poses, upper triangles of information, points at walls."""
+        p, scans = self.parameters, len(ends)
         share = 1 / p.independent
-        pose, normal, fitted = refine(
+        systems, fitted = np.empty((scans, 6)), np.empty(scans, np.int64)
+        fit_scans(
             (self._keys, self._slots, self._moments, self._surfels, self._states),
             points,
-            begin,
-            np.array([predicted.x, predicted.y, heading], np.float64),
+            ends,
+            poses,
+            predicted,
             (share / deviations[0] ** 2, share / deviations[1] ** 2, p.knee * share),
             (self.cell, p.thickness, p.doubt),
             p.rounds,
+            np.empty(len(points), np.int64),
+            systems,
+            fitted,
         )
-        normal = p.independent * (normal + np.triu(normal, 1).T)
-        x, y, theta = (float(value) for value in pose)
-        return Fit(Pose2D(x, y, wrap_angle(theta)), normal, fitted)
+        return poses, p.independent * systems, fitted

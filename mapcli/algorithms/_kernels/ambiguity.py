@@ -3,34 +3,30 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from mapcli.algorithms._kernels.compiling import kernel
 from mapcli.algorithms._kernels.matching import total
 
 
-@njit(cache=True)
+@kernel
 def fits(
     field: NDArray[np.uint8],
     places: NDArray[np.int64],
     columns: int,
     low: tuple[int, int],
-    count: int,
     stride: int,
-) -> NDArray[np.int64]:
+    sums: NDArray[np.int64],
+) -> None:
     """Sums of a field at points that are shifted to every `stride`-th cell of a square.
 
     Args:
         field: the flattened array; places: indices of the points in it, before the shift.
         columns: of the array.
-        low: the lowest shift, (columns, rows); count: shifts along each side.
-
-    Returns:
-        shape (count, count), by rows from the lowest shift to the highest.
+        low: the lowest shift, (columns, rows).
+        sums: filled, by rows from the lowest shift to the highest.
     """
-    sums = np.empty((count, count), np.int64)
-    for row in range(count):
-        for column in range(count):
+    for row in range(sums.shape[0]):
+        for column in range(sums.shape[1]):
             shift = (low[1] + row * stride) * columns + low[0] + column * stride
             sums[row, column] = total(field, places, shift)
-    return sums

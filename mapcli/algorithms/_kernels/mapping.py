@@ -6,11 +6,12 @@ every beam, and every wall's surroundings, lie inside the arrays.
 
 from __future__ import annotations
 
-from math import floor, sqrt
+from math import cos, floor, sin, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from mapcli.algorithms._kernels.compiling import kernel
 
 SEEN = 1 << 14
 """Added to the log-odds of a cell that the current scan has already touched."""
@@ -21,15 +22,51 @@ WALL = 255
 """The likelihood field's value on a wall."""
 
 
-@njit(cache=True)
+@kernel
+def place_beams(
+    beams: NDArray[np.float64],
+    pose: tuple[float, float, float],
+    frame: tuple[float, float, float, int, int],
+    world: NDArray[np.float64],
+    cells: NDArray[np.float64],
+) -> int:
+    """Where a scan's beams end, and start, in the world and in the map.
+
+    Args:
+        beams: shape (n + 1, 2), metres in the robot's frame: ends, and last where they start.
+        pose: (x, y, theta) of the robot.
+        frame: (x, y of the cell numbered 0, 0; metres a cell; numbers of the array's first cell).
+        world, cells: filled with the same points, metres and (u, v) in cells of the array.
+
+    Returns:
+        How many cells the beams touch at most.
+    """
+    x, y, theta = pose
+    base_x, base_y, cell, first_u, first_v = frame
+    c, s = cos(theta), sin(theta)
+    for k in range(len(beams)):
+        world[k, 0] = c * beams[k, 0] - s * beams[k, 1] + x
+        world[k, 1] = s * beams[k, 0] + c * beams[k, 1] + y
+        cells[k, 0] = (world[k, 0] - base_x) / cell - first_u
+        cells[k, 1] = (world[k, 1] - base_y) / cell - first_v
+    n = len(beams) - 1
+    u, v = floor(cells[n, 0]), floor(cells[n, 1])
+    touched = n
+    for k in range(n):
+        touched += abs(floor(cells[k, 0]) - u) + abs(floor(cells[k, 1]) - v)
+    return touched
+
+
+@kernel
 def integrate_beams(
     log_odds: NDArray[np.int16],
     field: NDArray[np.uint8],
-    laser: NDArray[np.float64],
-    ends: NDArray[np.float64],
+    columns: int,
+    beams: NDArray[np.float64],
     hits: int,
     rules: tuple[int, int, int, int],
-    changed: NDArray[np.int32],
+    touched: NDArray[np.int64],
+    changed: NDArray[np.int64],
 ) -> int:
     """Write one scan into the map: what its beams hit, then what they passed through.
 
@@ -37,61 +74,55 @@ def integrate_beams(
     that graze a wall do not wear it away.
 
     Args:
-        log_odds: the map, changed in place; 0 is unknown, more than 0 occupied.
-        field: its likelihood field as it is before.
-        laser: (u, v) where the beams start, in cells.
-        ends: shape (n, 2), where they end, in cells.
+        log_odds: the map, flattened, changed in place; 0 is unknown, more than 0 occupied.
+        field: its likelihood field as it is before, flattened; columns: of both.
+        beams: shape (n + 1, 2), (u, v) in cells: where they end, and last where they start.
         hits: the first `hits` beams end at an obstacle, the others in the open.
         rules: (hit, miss, highest, lowest): what a hit adds, what a pass takes, the limits.
-        changed: filled with the (v, u) of the cells that became occupied or ceased to be, or to
-            be taken for wall by `bridges`; room for all cells that the beams may touch.
+        touched: room for all cells that the beams may touch.
+        changed: as much room; filled with the cells (row times columns plus column) that became
+            occupied or ceased to be, or to be taken for wall by `bridge_walls`.
 
     Returns:
         How many there are in `changed`.
     """
     hit, miss, highest, lowest = rules
-    columns = log_odds.shape[1]
-    cells = log_odds.reshape(-1)  # one index to move along a beam, not two
-    likelihood = field.reshape(-1)
-    touched = np.empty(len(changed), np.int64)
-    n_touched = 0
-    n_changed = 0
+    n, n_touched, n_changed = len(beams) - 1, 0, 0
     for beam in range(hits):
-        at = floor(ends[beam, 1]) * columns + floor(ends[beam, 0])
-        old = cells[at]
+        at = floor(beams[beam, 1]) * columns + floor(beams[beam, 0])
+        old = log_odds[at]
         if old >= IS_SEEN:
             continue
         new = min(highest, old + hit)
         if new == 0:
             new = 1  # known, so never again the sign of unknown
         if old <= 0 and new > 0:
-            changed[n_changed, 0] = at // columns
-            changed[n_changed, 1] = at % columns
+            changed[n_changed] = at
             n_changed += 1
-        cells[at] = new + SEEN
+        log_odds[at] = new + SEEN
         touched[n_touched] = at
         n_touched += 1
-    for beam in range(len(ends)):
-        u, v = floor(laser[0]), floor(laser[1])
+    start_u, start_v = beams[n, 0], beams[n, 1]
+    for beam in range(n):
+        u, v = floor(start_u), floor(start_v)
         at = v * columns + u
-        du, dv = ends[beam, 0] - laser[0], ends[beam, 1] - laser[1]
+        du, dv = beams[beam, 0] - start_u, beams[beam, 1] - start_v
         step_u, step_v = (1 if du > 0 else -1), (columns if dv > 0 else -columns)
         # Lengths along the beam, as shares of it, between and to the next cell boundaries.
         share_u = abs(1.0 / du) if du != 0 else np.inf
         share_v = abs(1.0 / dv) if dv != 0 else np.inf
-        next_u = (u + 1 - laser[0] if du > 0 else laser[0] - u) * share_u if du != 0 else np.inf
-        next_v = (v + 1 - laser[1] if dv > 0 else laser[1] - v) * share_v if dv != 0 else np.inf
-        for _ in range(abs(floor(ends[beam, 0]) - u) + abs(floor(ends[beam, 1]) - v)):
-            old = cells[at]
+        next_u = (u + 1 - start_u if du > 0 else start_u - u) * share_u if du != 0 else np.inf
+        next_v = (v + 1 - start_v if dv > 0 else start_v - v) * share_v if dv != 0 else np.inf
+        for _ in range(abs(floor(beams[beam, 0]) - u) + abs(floor(beams[beam, 1]) - v)):
+            old = log_odds[at]
             if lowest < old < IS_SEEN:
                 new = max(lowest, old - miss)
                 if new == 0:
                     new = -1
-                if (old > 0 and new < 0) or (old == 0 and likelihood[at] == WALL):
-                    changed[n_changed, 0] = at // columns
-                    changed[n_changed, 1] = at % columns
+                if (old > 0 and new < 0) or (old == 0 and field[at] == WALL):
+                    changed[n_changed] = at
                     n_changed += 1
-                cells[at] = new + SEEN
+                log_odds[at] = new + SEEN
                 touched[n_touched] = at
                 n_touched += 1
             if next_u < next_v:
@@ -101,16 +132,16 @@ def integrate_beams(
                 next_v += share_v
                 at += step_v
     for k in range(n_touched):
-        cells[touched[k]] -= SEEN
+        log_odds[touched[k]] -= SEEN
     return n_changed
 
 
-@njit(cache=True)
+@kernel
 def update_field(
     fields: NDArray[np.uint8],
     widths: NDArray[np.int64],
     log_odds: NDArray[np.int16],
-    changed: NDArray[np.int32],
+    changed: NDArray[np.int64],
     bump: NDArray[np.uint8],
 ) -> None:
     """Bring the likelihood field up to date around cells that changed.
@@ -122,24 +153,25 @@ def update_field(
 
     Args:
         fields: shape (levels, rows, columns), changed in place.
-        widths: shape (levels,), the first is 1.
+        widths: shape (levels,), the first is 1; levels beyond them are left as they are.
         log_odds: the map, already changed.
-        changed: shape (n, 2), the (v, u) of the cells.
+        changed: the cells' numbers, row times columns plus column.
         bump: shape (2 r + 1, 2 r + 1), falling from its centre outward.
     """
-    r = len(bump) // 2
+    r, columns = len(bump) // 2, log_odds.shape[1]
     for k in range(len(changed)):
-        if log_odds[changed[k, 0], changed[k, 1]] > 0:
-            raise_field(fields, widths, changed[k, 0], changed[k, 1], bump)
+        v, u = changed[k] // columns, changed[k] % columns
+        if log_odds[v, u] > 0:
+            raise_field(fields, widths, v, u, bump)
     for k in range(len(changed)):
-        v, u = changed[k, 0], changed[k, 1]
+        v, u = changed[k] // columns, changed[k] % columns
         if log_odds[v, u] <= 0:
             for y in range(v - r, v + r + 1):
                 for x in range(u - r, u + r + 1):
                     fields[0, y, x] = highest_bump(log_odds, y, x, bump)
 
 
-@njit(cache=True)
+@kernel
 def highest_bump(log_odds: NDArray[np.int16], v: int, u: int, bump: NDArray[np.uint8]) -> np.uint8:
     """The field at one cell, from the occupied cells around it."""
     r = len(bump) // 2
@@ -151,7 +183,7 @@ def highest_bump(log_odds: NDArray[np.int16], v: int, u: int, bump: NDArray[np.u
     return best
 
 
-@njit(cache=True)
+@kernel
 def raise_field(
     fields: NDArray[np.uint8], widths: NDArray[np.int64], v: int, u: int, bump: NDArray[np.uint8]
 ) -> None:
@@ -174,7 +206,7 @@ STRAIGHT = 0.97
 """Cosine of the largest turn that a wall makes from one beam's end to the next."""
 
 
-@njit(cache=True)
+@kernel
 def bridge_walls(
     fields: NDArray[np.uint8],
     widths: NDArray[np.int64],
@@ -207,7 +239,7 @@ def bridge_walls(
                 raise_field(fields, widths, v, u, bump)
 
 
-@njit(cache=True)
+@kernel
 def goes_on(ends: NDArray[np.float64], k: int, du: float, dv: float, length: float) -> bool:
     """Whether the way from end k to the next is straight on with (du, dv), and about as long."""
     if k < 0 or k + 1 >= len(ends):

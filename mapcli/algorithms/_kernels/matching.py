@@ -10,8 +10,9 @@ from __future__ import annotations
 from math import cos, floor, sin
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from mapcli.algorithms._kernels.compiling import kernel
 
 FULL = 255.0
 """The field's value on a wall."""
@@ -19,31 +20,39 @@ FULL = 255.0
 Prior = tuple[float, float, float, float]
 
 
-@njit(cache=True)
 def thin(points: NDArray[np.float64], cell: float) -> NDArray[np.int64]:
     """Indices, ascending, of the first point in each square of side `cell`."""
-    n = len(points)
-    size = 16
-    while size < 4 * n:
-        size *= 2
-    keys = np.empty(size, np.int64)
-    used = np.zeros(size, np.bool_)
-    kept = np.empty(n, np.int64)
-    count = 0
-    for i in range(n):
-        key = floor(points[i, 0] / cell) * 4000037 + floor(points[i, 1] / cell)
-        slot = (key * 40503) & (size - 1)
-        while used[slot] and keys[slot] != key:
-            slot = (slot + 1) & (size - 1)
-        if not used[slot]:
-            used[slot] = True
-            keys[slot] = key
+    kept = np.empty(len(points), np.int64)
+    # A hash table that stays at least three quarters empty.
+    firsts = np.full(4 << len(points).bit_length(), -1, np.int64)
+    return kept[: keep_firsts(points, cell, firsts, kept)]
+
+
+@kernel
+def keep_firsts(
+    points: NDArray[np.float64], cell: float, firsts: NDArray[np.int64], kept: NDArray[np.int64]
+) -> int:
+    """Fill `kept` with what `thin` returns, and return how many they are.
+
+    `firsts` is a hash table of so far -1: the first point in each square.
+    """
+    mask, count = len(firsts) - 1, 0
+    for i in range(len(points)):
+        u, v = floor(points[i, 0] / cell), floor(points[i, 1] / cell)
+        at = ((u * 4000037 + v) * 40503) & mask
+        while firsts[at] >= 0:
+            first = firsts[at]
+            if floor(points[first, 0] / cell) == u and floor(points[first, 1] / cell) == v:
+                break
+            at = (at + 1) & mask
+        if firsts[at] < 0:
+            firsts[at] = i
             kept[count] = i
             count += 1
-    return kept[:count]
+    return count
 
 
-@njit(cache=True)
+@kernel
 def penalty(shift: float, turn: float, prior: Prior) -> float:
     """What a pose loses by leaving the odometry's: rising at first, level far away.
 
@@ -57,7 +66,7 @@ def penalty(shift: float, turn: float, prior: Prior) -> float:
     return most * (a / (knee + a) + b / (knee + b))
 
 
-@njit(cache=True)
+@kernel
 def nearest_in(low: int, width: int) -> int:
     """The smallest distance from 0 in low, low + 1, ..., low + width - 1."""
     if low > 0:
@@ -65,7 +74,7 @@ def nearest_in(low: int, width: int) -> int:
     return max(0, -(low + width - 1))
 
 
-@njit(cache=True)
+@kernel
 def total(field: NDArray[np.uint8], places: NDArray[np.int64], offset: int) -> int:
     """Sum of the field at the points. (A loop so plain that it compiles to four loads at a time;
     looking now and then whether the rest can still win made it three times slower.)"""
@@ -113,16 +122,18 @@ def search(
     layers = fields.reshape(fields.shape[0], -1)
     size = (*half, int(widths[top]))
     places = turned(points, start, half[1], turn_step, columns)
-    bounds = bound_nodes(layers[top], places, columns, size, prior)
+    bounds = np.empty(len(places) * side_of(size) ** 2)
+    bound_nodes(layers, top, places, columns, size, prior, bounds)
     # Sorted outside the compiled loops, where a sort alone would take two seconds to compile.
     order = np.argsort(-bounds, kind="stable")
-    best: NDArray[np.float64] = open_nodes(
-        layers, widths, places, columns, (*size, top, stride), prior, bounds, order
+    best = np.array([0.0, 0.0, 0.0, -np.inf, 0.0])
+    stack = np.empty((len(widths) * int(widths[top]) ** 2, 3), np.int64)
+    open_nodes(
+        layers, widths, places, columns, (*size, top, stride), prior, bounds, order, stack, best
     )
     return best
 
 
-@njit(cache=True)
 def turned(
     points: NDArray[np.float64],
     start: NDArray[np.float64],
@@ -132,49 +143,67 @@ def turned(
 ) -> NDArray[np.int64]:
     """Where the points fall at `start` after each turn, as flat indices: (2 turns + 1, n)."""
     places = np.empty((2 * turns + 1, len(points)), np.int64)
-    for k in range(2 * turns + 1):
+    turn(points, start, turn_step, columns, places)
+    return places
+
+
+@kernel
+def turn(
+    points: NDArray[np.float64],
+    start: NDArray[np.float64],
+    turn_step: float,
+    columns: int,
+    places: NDArray[np.int64],
+) -> None:
+    """Fill `places` with what `turned` returns."""
+    turns = len(places) // 2
+    for k in range(len(places)):
         theta = start[2] + (k - turns) * turn_step
         c, s = cos(theta), sin(theta)
         for p in range(len(points)):
             u = start[0] + c * points[p, 0] - s * points[p, 1]
             v = start[1] + s * points[p, 0] + c * points[p, 1]
             places[k, p] = floor(v) * columns + floor(u)
-    return places
 
 
-@njit(cache=True)
+@kernel
+def side_of(size: tuple[int, int, int]) -> int:
+    """How many of the largest nodes lie side by side; size is (reach, turns, width)."""
+    return (2 * size[0] + size[2]) // size[2]
+
+
+@kernel
 def node_at(node: int, size: tuple[int, int, int]) -> tuple[int, int, int]:
     """(du, dv, turn index) of the lowest corner of a largest node; size is (reach, turns, width).
 
     Nodes are numbered by turn, then dv, then du.
     """
     reach, _, width = size
-    side = (2 * reach + width) // width
+    side = side_of(size)
     square = node % (side * side)
     return square % side * width - reach, square // side * width - reach, node // (side * side)
 
 
-@njit(cache=True)
+@kernel
 def bound_nodes(
-    layer: NDArray[np.uint8],
+    layers: NDArray[np.uint8],
+    top: int,
     places: NDArray[np.int64],
     columns: int,
     size: tuple[int, int, int],
     prior: Prior,
-) -> NDArray[np.float64]:
-    """A bound on the scores in each of the largest nodes; for `layer` see `search`."""
-    reach, turns, width = size
-    side = (2 * reach + width) // width
-    bounds = np.empty((2 * turns + 1) * side * side)
+    bounds: NDArray[np.float64],
+) -> None:
+    """Fill `bounds` with bounds on the scores in each of the largest nodes; see `search`."""
+    _, turns, width = size
     for node in range(len(bounds)):
         du, dv, k = node_at(node, size)
         shift = nearest_in(du, width) ** 2 + nearest_in(dv, width) ** 2
-        fit = total(layer, places[k], dv * columns + du)
+        fit = total(layers[top], places[k], dv * columns + du)
         bounds[node] = fit - penalty(shift, (k - turns) ** 2, prior)
-    return bounds
 
 
-@njit(cache=True)
+@kernel
 def open_nodes(
     layers: NDArray[np.uint8],
     widths: NDArray[np.int64],
@@ -184,24 +213,26 @@ def open_nodes(
     prior: Prior,
     bounds: NDArray[np.float64],
     order: NDArray[np.int64],
-) -> NDArray[np.float64]:
+    stack: NDArray[np.int64],
+    best: NDArray[np.float64],
+) -> None:
     """Open the largest nodes, best bound first, until none left can win; see `search`.
 
-    `size` is (reach, turns, width of the largest nodes, their level, cells between poses).
+    `size` is (reach, turns, width of the largest nodes, their level, cells between poses);
+    `stack` is room for the nodes that wait; `best` is changed in place.
     """
     reach, turns, width, top, stride = size
-    best = np.array([0.0, 0.0, 0.0, -np.inf, 0.0])
     for node in order:
         if bounds[node] <= best[3]:
             break
         du, dv, k = node_at(node, (reach, turns, width))
         open_node(
-            layers, widths, places[k], columns, (du, dv, k - turns, top), reach, stride, prior, best
-        )
-    return best
+            layers, widths, places[k], columns, (du, dv, k - turns, top), reach, stride, prior,
+            stack, best,
+        )  # fmt: skip
 
 
-@njit(cache=True)
+@kernel
 def open_node(
     layers: NDArray[np.uint8],
     widths: NDArray[np.int64],
@@ -211,10 +242,10 @@ def open_node(
     reach: int,
     stride: int,
     prior: Prior,
+    stack: NDArray[np.int64],
     best: NDArray[np.float64],
 ) -> None:
     """Look into one node (du, dv, turn, level), level by level; `best` is changed in place."""
-    stack = np.empty((4 * 16 * 16, 3), np.int64)
     stack[0, 0], stack[0, 1], stack[0, 2] = node[0], node[1], node[3]
     depth, turn = 1, node[2]
     while depth:
@@ -237,7 +268,7 @@ def open_node(
                     depth += 1
 
 
-@njit(cache=True)
+@kernel
 def overlap(
     log_odds: NDArray[np.int16],
     field: NDArray[np.uint8],

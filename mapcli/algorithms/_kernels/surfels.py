@@ -13,8 +13,9 @@ from __future__ import annotations
 from math import floor, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from mapcli.algorithms._kernels.compiling import kernel
 
 EMPTY = -1
 BIAS = 1 << 30
@@ -38,7 +39,7 @@ Table = tuple[
 STALE, NONE, FRESH = 0, 1, 2
 
 
-@njit(cache=True)
+@kernel
 def find(keys: NDArray[np.int64], u: int, v: int) -> int:
     """Where a cell is in the hash table, or where it would go."""
     key = ((u + BIAS) << 31) | (v + BIAS)
@@ -49,14 +50,14 @@ def find(keys: NDArray[np.int64], u: int, v: int) -> int:
     return at
 
 
-@njit(cache=True)
+@kernel
 def slot_of(keys: NDArray[np.int64], slots: NDArray[np.int64], u: int, v: int) -> int:
     """The slot of a cell, or -1."""
     at = find(keys, u, v)
     return slots[at] if keys[at] != EMPTY else -1
 
 
-@njit(cache=True)
+@kernel
 def add_points(
     keys: NDArray[np.int64],
     slots: NDArray[np.int64],
@@ -77,17 +78,17 @@ def add_points(
             slots[at] = used
             used += 1
         x, y = points[p, 0] - (u + 0.5) * cell, points[p, 1] - (v + 0.5) * cell
-        m = moments[slots[at]]
-        m[0] += 1.0
-        m[1] += x
-        m[2] += y
-        m[3] += x * x
-        m[4] += x * y
-        m[5] += y * y
+        slot = slots[at]
+        moments[slot, 0] += 1.0
+        moments[slot, 1] += x
+        moments[slot, 2] += y
+        moments[slot, 3] += x * x
+        moments[slot, 4] += x * y
+        moments[slot, 5] += y * y
     return used
 
 
-@njit(cache=True)
+@kernel
 def rehash(
     old_keys: NDArray[np.int64],
     old_slots: NDArray[np.int64],
@@ -102,7 +103,7 @@ def rehash(
             slots[at] = old_slots[k]
 
 
-@njit(cache=True)
+@kernel
 def patch(
     keys: NDArray[np.int64],
     slots: NDArray[np.int64],
@@ -121,26 +122,28 @@ def patch(
                 slot = slot_of(keys, slots, u + du, v + dv)
                 if slot < 0:
                     continue
-                m, x, y = moments[slot], du * cell, dv * cell
-                n += m[0]
-                sx += m[1] + m[0] * x
-                sy += m[2] + m[0] * y
-                sxx += m[3] + 2 * x * m[1] + m[0] * x * x
-                sxy += m[4] + x * m[2] + y * m[1] + m[0] * x * y
-                syy += m[5] + 2 * y * m[2] + m[0] * y * y
+                x, y = du * cell, dv * cell
+                m, mx, my = moments[slot, 0], moments[slot, 1], moments[slot, 2]
+                n += m
+                sx += mx + m * x
+                sy += my + m * y
+                sxx += moments[slot, 3] + 2 * x * mx + m * x * x
+                sxy += moments[slot, 4] + x * my + y * mx + m * x * y
+                syy += moments[slot, 5] + 2 * y * my + m * y * y
         if reach > 0 and n >= FEWEST:
             break
     return n, sx, sy, sxx, sxy, syy
 
 
-@njit(cache=True)
+@kernel
 def make_surfel(
     moments: tuple[float, float, float, float, float, float],
     centre: tuple[float, float],
     thickness: float,
-    surfel: NDArray[np.float64],
+    surfels: NDArray[np.float64],
+    at: int,
 ) -> int:
-    """Fit a line to points: fills `surfel`, returns FRESH, or NONE when they are too few."""
+    """Fit a line to points: fills surfel `at`, returns FRESH, or NONE when they are too few."""
     n, sx, sy, sxx, sxy, syy = moments
     if n < FEWEST:
         return NONE
@@ -154,12 +157,13 @@ def make_surfel(
     along = 1.0 / (wide + thickness * thickness) if narrow > MOST_ROUND * wide else 0.0
     cos2, sin2 = (difference / root, cxy / root) if root > 0 else (0.0, 0.0)
     mean, gap = (along + across) / 2, (along - across) / 2
-    surfel[0], surfel[1] = centre[0] + x, centre[1] + y
-    surfel[2], surfel[3], surfel[4] = mean + gap * cos2, gap * sin2, mean - gap * cos2
+    surfels[at, 0], surfels[at, 1] = centre[0] + x, centre[1] + y
+    surfels[at, 2], surfels[at, 3] = mean + gap * cos2, gap * sin2
+    surfels[at, 4] = mean - gap * cos2
     return FRESH
 
 
-@njit(cache=True)
+@kernel
 def nearest_surfel(table: Table, x: float, y: float, cell: float, thickness: float) -> int:
     """The slot of the surfel whose points are nearest to a point, if any are near.
 
@@ -183,14 +187,14 @@ def nearest_surfel(table: Table, x: float, y: float, cell: float, thickness: flo
                 slot = slot_of(keys, slots, u + du, v + dv)
                 if slot < 0:
                     continue
-                m = moments[slot]
-                off_x = (u + du + 0.5) * cell + m[1] / m[0] - x
-                off_y = (v + dv + 0.5) * cell + m[2] / m[0] - y
+                m = moments[slot, 0]
+                off_x = (u + du + 0.5) * cell + moments[slot, 1] / m - x
+                off_y = (v + dv + 0.5) * cell + moments[slot, 2] / m - y
                 square = off_x * off_x + off_y * off_y
                 if square < nearest:
                     best, nearest, at_u, at_v = slot, square, u + du, v + dv
     if best >= 0 and states[best] == STALE:
         around = patch(keys, slots, moments, at_u, at_v, cell)
         centre = ((at_u + 0.5) * cell, (at_v + 0.5) * cell)
-        states[best] = make_surfel(around, centre, thickness, surfels[best])
+        states[best] = make_surfel(around, centre, thickness, surfels, best)
     return best if best >= 0 and states[best] == FRESH else -1
