@@ -40,6 +40,9 @@ FARTHEST_REFINEMENT = 24.0
 NEAR_CELLS, NEAR_TURN = 4.0, math.radians(5)
 """How far from the right pose a fit still finds it: cells and radians."""
 
+SHARES = 0.4, 1.0
+"""Of the window: what is searched first, since odometry seldom errs by all that it may."""
+
 FIFTEEN = neighbours(STEPS, TURNS_DEG)
 """The poses of Sect. 9.5."""
 
@@ -96,10 +99,13 @@ class _Window:
         half_xy = p.window_xy + spread.reach * spread.xy
         half_turn = math.radians(p.window_theta_deg) + spread.reach * spread.turn
         self._cover(half_xy, half_turn)
-        stay = self._settle(self.predicted)
-        if p.refine and self._is_usual(stay, lately.score):
+        stay = best = self._settle(self.predicted)
+        if p.refine and self._is_trusted(stay, lately.score):
             return stay
-        best = self._search(half_xy, half_turn)
+        for share in SHARES:
+            best = self._search(share * half_xy, share * half_turn)
+            if self._is_usual(best, lately.score):
+                break
         if best.score < p.lost_below * lately.score:
             best = self._doubt(best, lately, half_xy)
         elif p.refine and self._is_far(best.pose) and stay.score >= best.score - p.indifferent:
@@ -108,14 +114,17 @@ class _Window:
             best = stay
         return best if best.found else replace(best, pose=self.predicted)
 
-    def _is_usual(self, match: Match, usual_score: float) -> bool:
+    def _is_trusted(self, match: Match, usual_score: float) -> bool:
         """Whether the pose next to the odometry's fits as well as any, so that none need be
         searched for."""
         if self.spread.xy > NEAR_CELLS * self.cell or self.spread.turn > NEAR_TURN:
             return False  # the fit may have ended beside the right place
+        return self._is_usual(match, usual_score) and not self._is_far(match.pose)
+
+    def _is_usual(self, match: Match, usual_score: float) -> bool:
+        """Whether a match is as good as others lately."""
         enough = match.overlap >= self.parameters.lost_overlap * len(self.points)
-        fits = enough and match.score >= usual_score - self.parameters.indifferent
-        return fits and not self._is_far(match.pose)
+        return enough and match.score >= usual_score - self.parameters.indifferent
 
     def _is_far(self, pose: Pose2D) -> bool:
         """Whether a pose is farther from the predicted one than odometry usually errs."""
