@@ -105,6 +105,8 @@ class OccupancyGrid:
         self._bump = self.parameters.bump()
         self._u0 = self._v0 = 0
         self._base = np.zeros(2)  # where cell (0, 0) would be, in the world
+        self._edge = MARGIN + len(self._bump)
+        self._written: list[int] = []  # lowest u, v and highest u, v; cell (0, 0) is at the base
         self._touched = self._changed = np.empty(0, dtype=np.int64)
 
     @classmethod
@@ -128,6 +130,7 @@ class OccupancyGrid:
             slice(-grid._u0, known.columns - grid._u0),
         )
         grid.log_odds[rows, columns] = log_odds_of(known.cells[::-1], grid.parameters)
+        grid._written = [0, 0, known.columns - 1, known.rows - 1]
         walls = np.argwhere(grid.log_odds > 0)
         if not len(walls):
             raise DataError("no occupied cell", expected="a map with walls")
@@ -155,7 +158,7 @@ class OccupancyGrid:
 
     def holds(self, centre: Pose2D, radius: float) -> bool:
         """Whether the array holds a circle, metres, as `cover` would have it."""
-        edge, reach = MARGIN + len(self._bump) + 1, radius / self.parameters.resolution
+        edge, reach = self._edge + 1, radius / self.parameters.resolution
         u, v, _ = (float(value) for value in self.pose_to_cells(centre))
         rows, columns = self.log_odds.shape
         return min(u, v) - reach >= edge and u + reach < columns - edge and v + reach < rows - edge
@@ -166,11 +169,17 @@ class OccupancyGrid:
         Raises:
             DataError: the map would become absurdly large.
         """
-        scale, edge = self.parameters.resolution, MARGIN + len(self._bump)
+        scale = self.parameters.resolution
         if max(high - low) / scale > MAX_CELLS:
             raise _too_large(high - low)
-        first = [math.floor(value / scale) - edge for value in low - self._base]
-        last = [math.floor(value / scale) + edge for value in high - self._base]
+        self._cover_cells(
+            [math.floor(value / scale) for value in low - self._base],
+            [math.floor(value / scale) for value in high - self._base],
+        )
+
+    def _cover_cells(self, low: list[int], high: list[int]) -> None:
+        """Make the array hold the cells from `low` to `high`, each (u, v) from the base."""
+        first, last = [value - self._edge for value in low], [value + self._edge for value in high]
         rows, columns = self.log_odds.shape
         for axis, (start, length) in enumerate(((self._u0, columns), (self._v0, rows))):
             stop = start + length
@@ -190,12 +199,23 @@ class OccupancyGrid:
             raise _too_large(np.array([columns, rows]) * self.parameters.resolution)
         log_odds = np.zeros((rows, columns), dtype=np.int16)
         fields = np.zeros((len(LEVEL_WIDTHS), rows, columns), dtype=np.uint8)
-        u, v = self._u0 - u0, self._v0 - v0
-        old_rows, old_columns = self.log_odds.shape
-        log_odds[v : v + old_rows, u : u + old_columns] = self.log_odds
-        fields[:, v : v + old_rows, u : u + old_columns] = self.fields
+        # Memory that is never touched costs nothing, so no more is copied than has been written.
+        old = self._part(self._u0, self._v0)
+        new = self._part(u0, v0)
+        log_odds[new], fields[:, *new] = self.log_odds[old], self.fields[:, *old]
         self.log_odds, self.fields = log_odds, fields
         self._u0, self._v0 = u0, v0
+
+    def _part(self, u0: int, v0: int) -> tuple[slice, slice]:
+        """The rows and columns, in an array that begins at a cell, that may have been written."""
+        if not self._written:
+            return slice(0), slice(0)
+        low_u, low_v, high_u, high_v = self._written
+        edge = self._edge
+        return (
+            slice(low_v - edge - v0, high_v + edge + 1 - v0),
+            slice(low_u - edge - u0, high_u + edge + 1 - u0),
+        )
 
     def integrate(self, pose: Pose2D, perception: Perception, *, field: bool = True) -> None:
         """Line 10 of Algorithm 9.2: write what was perceived at a world pose into the map.
@@ -206,9 +226,6 @@ class OccupancyGrid:
         beams, hits = perception.beams(), len(perception.hits)
         if len(beams) == 1:
             return
-        if len(beams) > hits + 1 or not self.holds(pose, perception.reach()):
-            seen = pose.apply(beams)
-            self.cover(seen.min(axis=0), seen.max(axis=0))
         ends, cells, touched = self._place(pose, beams)
         self.walls.add(ends[:hits])
         changed = self._write(cells, hits, touched)
@@ -226,11 +243,18 @@ class OccupancyGrid:
     def _place(
         self, pose: Pose2D, beams: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-        """Beams in the world and in the map, and how many cells they touch at most."""
-        ends, cells = np.empty_like(beams), np.empty_like(beams)
+        """Beams in the world and in cells of the array, which is made to hold them, and how many
+        cells they touch at most."""
+        ends, cells, box = np.empty_like(beams), np.empty_like(beams), np.empty(4, np.int64)
         x, y = self._base.tolist()
-        frame = x, y, self.parameters.resolution, self._u0, self._v0
-        return ends, cells, place_beams(beams, (pose.x, pose.y, pose.theta), frame, ends, cells)
+        at, frame = (pose.x, pose.y, pose.theta), (x, y, self.parameters.resolution)
+        touched = place_beams(beams, at, frame, ends, cells, box)
+        low, high = box[:2].tolist(), box[2:].tolist()
+        self._cover_cells(low, high)
+        was = self._written or [*low, *high]
+        self._written = [*map(min, was[:2], low), *map(max, was[2:], high)]
+        cells -= (self._u0, self._v0)
+        return ends, cells, touched
 
     def _write(self, beams: NDArray[np.float64], hits: int, touched: int) -> NDArray[np.int64]:
         """Write beams into the log-odds; the numbers of the cells that matter to the field."""

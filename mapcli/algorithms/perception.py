@@ -6,7 +6,6 @@ what they passed on the way, all in the robot's frame.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -53,10 +52,6 @@ class Perception:
     def beams(self) -> NDArray[np.float64]:
         """Shape (n + k + 1, 2): where beams ended, hits first, and last where they start."""
         return np.concatenate([self.hits, self.open_ends, self.laser[None]])
-
-    def reach(self) -> float:
-        """Metres from the robot to the farthest hit."""
-        return math.sqrt(float((self.hits * self.hits).sum(axis=1).max(initial=0.0)))
 
 
 def perceive(scan: RangeScan, parameters: PerceptionParameters) -> Perception:

@@ -16,6 +16,7 @@ from mapcli.algorithms._kernels.compiling import kernel
 SEEN = 1 << 14
 """Added to the log-odds of a cell that the current scan has already touched."""
 IS_SEEN = 1 << 13
+FAR = 1 << 62
 
 
 WALL = 255
@@ -26,29 +27,36 @@ WALL = 255
 def place_beams(
     beams: NDArray[np.float64],
     pose: tuple[float, float, float],
-    frame: tuple[float, float, float, int, int],
+    frame: tuple[float, float, float],
     world: NDArray[np.float64],
     cells: NDArray[np.float64],
+    box: NDArray[np.int64],
 ) -> int:
     """Where a scan's beams end, and start, in the world and in the map.
 
     Args:
         beams: shape (n + 1, 2), metres in the robot's frame: ends, and last where they start.
         pose: (x, y, theta) of the robot.
-        frame: (x, y of the cell numbered 0, 0; metres a cell; numbers of the array's first cell).
-        world, cells: filled with the same points, metres and (u, v) in cells of the array.
+        frame: (x, y of the corner of cell 0, 0; metres a cell).
+        world, cells: filled with the same points, metres and (u, v) in cells.
+        box: filled with (lowest u, v, highest u, v) of cells.
 
     Returns:
         How many cells the beams touch at most.
     """
     x, y, theta = pose
-    base_x, base_y, cell, first_u, first_v = frame
+    base_x, base_y, cell = frame
     c, s = cos(theta), sin(theta)
+    box[0] = box[1] = FAR
+    box[2] = box[3] = -FAR
     for k in range(len(beams)):
         world[k, 0] = c * beams[k, 0] - s * beams[k, 1] + x
         world[k, 1] = s * beams[k, 0] + c * beams[k, 1] + y
-        cells[k, 0] = (world[k, 0] - base_x) / cell - first_u
-        cells[k, 1] = (world[k, 1] - base_y) / cell - first_v
+        cells[k, 0] = (world[k, 0] - base_x) / cell
+        cells[k, 1] = (world[k, 1] - base_y) / cell
+        u, v = floor(cells[k, 0]), floor(cells[k, 1])
+        box[0], box[1] = min(box[0], u), min(box[1], v)
+        box[2], box[3] = max(box[2], u), max(box[3], v)
     n = len(beams) - 1
     u, v = floor(cells[n, 0]), floor(cells[n, 1])
     touched = n
