@@ -116,6 +116,8 @@ class LoopCloser:
         distance = {k: here.distance(self.graph.poses[k]) for k in old}
         nearest: list[int] = []
         for k in sorted(old, key=lambda k: distance[k]):
+            if distance[k] >= p.near_m + p.most_xy:
+                break
             if distance[k] >= p.near_m + self._window(ways[k])[0]:
                 continue
             if all(abs(self._metres(k) - self._metres(j)) > p.apart_m for j in nearest):

@@ -43,17 +43,49 @@ class Edge:
         return math.sqrt(float(vector @ np.linalg.solve(self.covariance, vector)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(eq=False)
 class Way:
-    """The shortest way through the graph from one pose to another.
+    """The shortest way through the graph from one pose to another (stateful: the uncertainty on
+    it is gathered when it is asked for, which it seldom is).
 
     Attributes:
         metres: driven along it.
-        covariance: of the other pose as seen from the one, shape (3, 3), in the other's frame.
+        pose: where it ends.
+        before, edge: all but its last step, and that; None where it begins.
     """
 
     metres: float
-    covariance: NDArray[np.float64]
+    pose: Pose2D
+    before: Way | None = None
+    edge: Edge | None = None
+    is_backwards: bool = False
+    _gathered: NDArray[np.float64] | None = None
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Of the last pose as seen from the first, shape (3, 3), in the last one's frame."""
+        steps: list[Way] = []
+        gathered, way = self._gathered, self
+        while gathered is None:
+            steps.append(way)
+            if way.before is None:
+                gathered = np.zeros((3, 3))
+            else:
+                way = way.before
+                gathered = way._gathered
+        for step in reversed(steps):
+            gathered = step._gathered = step._after(gathered)
+        return gathered
+
+    def _after(self, gathered: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The uncertainty after the last step, from that before it."""
+        if self.before is None or self.edge is None:
+            return gathered
+        seen = self.pose.between(self.before.pose)
+        # An edge's uncertainty is known where it ends; when it is gone backwards, it is moved.
+        own = self.edge.covariance
+        step = moved_covariance(own, seen) if self.is_backwards else own
+        return moved_covariance(gathered, seen) + step
 
 
 class PoseGraph:
@@ -82,32 +114,23 @@ class PoseGraph:
         self._at[edge.to].remove(edge)
 
     def ways_from(self, start: int) -> dict[int, Way]:
-        """The shortest way to each pose (Dijkstra), with the uncertainty gathered on it."""
+        """The shortest way to each pose (Dijkstra)."""
         ways: dict[int, Way] = {}
         order = count()  # ties are decided by what was found first
-        waiting: list[tuple[float, int, int, int, Edge | None]] = [(0.0, 0, start, start, None)]
+        waiting = [(0.0, next(order), start, Way(0.0, self.poses[start]))]
         while waiting:
-            metres, _, node, before, edge = heapq.heappop(waiting)
+            metres, _, node, way = heapq.heappop(waiting)
             if node in ways:
                 continue
-            ways[node] = Way(metres, self._gathered(ways, node, before, edge))
+            ways[node] = way
             for edge in self._at[node]:
-                other = edge.to if edge.from_ == node else edge.from_
+                backwards = edge.to == node
+                other = edge.from_ if backwards else edge.to
                 if other not in ways:
                     length = metres + (edge.metres or self.LOOP_METRES)
-                    heapq.heappush(waiting, (length, next(order), other, node, edge))
+                    longer = Way(length, self.poses[other], way, edge, backwards)
+                    heapq.heappush(waiting, (length, next(order), other, longer))
         return ways
-
-    def _gathered(
-        self, ways: dict[int, Way], node: int, before: int, edge: Edge | None
-    ) -> NDArray[np.float64]:
-        """The uncertainty at a pose that is reached from the one before by an edge."""
-        if edge is None:
-            return np.zeros((3, 3))
-        seen = self.poses[node].between(self.poses[before])
-        # An edge's uncertainty is known where it ends; when it is gone backwards, it is moved.
-        step = edge.covariance if edge.to == node else moved_covariance(edge.covariance, seen)
-        return moved_covariance(ways[before].covariance, seen) + step
 
     def optimise(self) -> None:
         """Move the poses to where all edges together are satisfied best (Levenberg-Marquardt,

@@ -25,6 +25,9 @@ from mapcli.model.pose import Pose2D
 
 TURN_STEP = math.radians(0.5)
 
+ROOM_M = 3.0
+"""Metres around a map that are likely to be searched."""
+
 STRIDE = 2
 """Cells between poses that are asked whether they would have fitted as well."""
 
@@ -166,8 +169,8 @@ class StretchMatcher:
         poses = [origin.between(self.keyframes[k].pose) for k in chosen]
         seen = [self._near(k) for k in chosen]
         ends = np.concatenate([p.apply(s.hits) for p, s in zip(poses, seen, strict=True)])
-        if len(ends):
-            grid.cover(ends.min(axis=0), ends.max(axis=0))
+        if len(ends):  # with room for the window that will be searched
+            grid.cover(ends.min(axis=0) - ROOM_M, ends.max(axis=0) + ROOM_M)
         for pose, perception in zip(poses, seen, strict=True):
             grid.integrate(pose, perception, field=False)
         grid.make_field()
