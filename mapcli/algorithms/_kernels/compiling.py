@@ -2,10 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from numba import njit
+
+
+@contextmanager
+def _missing(module: str) -> Iterator[None]:
+    """Have a module not found meanwhile, unless it is loaded already."""
+    if module in sys.modules:
+        yield
+        return
+    sys.modules[module] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        del sys.modules[module]
+
+
+# Before its first loop runs, numba looks whether SciPy's BLAS is there, for `numpy.kron`, which no
+# kernel needs. Looking takes longer than loading all kernels.
+with _missing("scipy.linalg.cython_blas"):
+    import numba.np.arraymath  # noqa: F401
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
