@@ -6,7 +6,7 @@ what they passed on the way, all in the robot's frame.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -59,12 +59,8 @@ def perceive(scan: RangeScan, parameters: PerceptionParameters) -> Perception:
     nearest = scan.range_min if parameters.range_min is None else parameters.range_min
     farthest = scan.range_max if parameters.range_max is None else parameters.range_max
     farthest = min(farthest, FARTHEST)
-    ranges = scan.ranges.copy()
-    ranges[ranges < nearest] = -np.inf
-    ranges[ranges > farthest] = np.inf
-    believed = replace(scan, ranges=ranges)
     open_ends = np.empty((0, 2))
     if parameters.no_return == "clear":
-        open_ends = believed.free_ends(farthest)
+        open_ends = scan.free_ends(farthest)
     mount = scan.mount.pose
-    return Perception(believed.points(), open_ends, np.array([mount.x, mount.y]))
+    return Perception(scan.points(nearest, farthest), open_ends, np.array([mount.x, mount.y]))

@@ -44,7 +44,9 @@ class Pose2D:
 
     def between(self, other: Pose2D) -> Pose2D:
         """`other` as seen from this pose: `self.compose(self.between(other)) == other`."""
-        return self.inverse().compose(other)
+        cos, sin = math.cos(self.theta), math.sin(self.theta)
+        x, y = other.x - self.x, other.y - self.y
+        return Pose2D(cos * x + sin * y, cos * y - sin * x, wrap_angle(other.theta - self.theta))
 
     def apply(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points, shape (n, 2), from this pose's frame into its parent's."""

@@ -51,14 +51,16 @@ class RangeScan:
         """Bearing of each beam in the laser's frame seen from above, shape (n,), radians."""
         return _bearings(len(self.ranges), self.angle_min, self.angle_increment, self.mount.flipped)
 
-    def points(self) -> NDArray[np.float64]:
-        """Ends of the beams that hit something, shape (k, 2), in the robot's frame, metres."""
-        hit = np.isfinite(self.ranges)
+    def points(self, nearest: float = -np.inf, farthest: float = np.inf) -> NDArray[np.float64]:
+        """Ends of the beams that hit something between two ranges, shape (k, 2), in the robot's
+        frame, metres."""
+        hit = np.isfinite(self.ranges) & (self.ranges >= nearest) & (self.ranges <= farthest)
         return self.mount.pose.apply(self._directions()[hit] * self.ranges[hit, None])
 
     def free_ends(self, length: float) -> NDArray[np.float64]:
-        """Points `length` metres along the beams without return, shape (k, 2), robot's frame."""
-        return self.mount.pose.apply(self._directions()[np.isposinf(self.ranges)] * length)
+        """Points `length` metres along the beams that hit nothing until there, shape (k, 2), in
+        the robot's frame."""
+        return self.mount.pose.apply(self._directions()[self.ranges > length] * length)
 
     def _directions(self) -> NDArray[np.float64]:
         return _directions(

@@ -15,8 +15,8 @@ from mapcli.algorithms._kernels.surfels import Table, nearest_surfel
 
 STILL, STILL_TURN = 5e-4, 1e-4
 """Metres and radians that a pose moves in the last round of a fit."""
-STEPS = 3
-"""Of Gauss-Newton in a round."""
+STEPS, LAST_STEP = 3, 0.2
+"""Of Gauss-Newton in a round at most; the last one moves this share of the above."""
 LEAST = 1e-9
 """Information that is there anyway, so that every system can be solved."""
 
@@ -61,18 +61,27 @@ def fit_scans(
         guess = (predicted[k, 0], predicted[k, 1], predicted[k, 2])
         for _ in range(rounds):
             fitted[k] = associate(table, points, first, last, pose, shape, partners)
-            x, y, theta = pose
-            for _ in range(STEPS):  # cheap beside the association
+            begun = pose
+            for _ in range(STEPS):
                 system = linearise(table[3], partners, points, first, last, pose, shape[2])
+                before = pose
                 pose = stepped(pose, with_prior(system, pose, guess, prior))
-            off = abs(pose[0] - x) + abs(pose[1] - y)
-            if off < STILL and abs(pose[2] - theta) < STILL_TURN:
+                if is_still(before, pose, LAST_STEP):
+                    break
+            if is_still(begun, pose, 1.0):
                 break
         for j in range(3):
             poses[k, j] = pose[j]
         for j in range(6):
             systems[k, j] = system[j]
         first = last
+
+
+@kernel
+def is_still(before: Pose, after: Pose, share: float) -> bool:
+    """Whether a pose has moved less than a share of STILL and STILL_TURN."""
+    off = abs(after[0] - before[0]) + abs(after[1] - before[1])
+    return off < share * STILL and abs(after[2] - before[2]) < share * STILL_TURN
 
 
 @kernel
