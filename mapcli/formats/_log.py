@@ -5,9 +5,11 @@ from __future__ import annotations
 import hashlib
 import math
 from abc import ABC, abstractmethod
+from bisect import bisect_right
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from heapq import heappop, heappush, heappushpop
+from operator import attrgetter
 from pathlib import Path
 
 from mapcli.errors import DataError, FormatError
@@ -175,9 +177,9 @@ class Log(ABC):
         and counted: after a clock was set back, mapcli cannot know which of two moments is meant.
         A stray stamp in the future harms nobody; it waits for its turn at the end.
         """
-        heap: list[tuple[int, int, Record]] = []
+        waiting = _InOrder()
         given, latest = -1, dict[type[Record], int]()
-        for arrival, record in enumerate(records):
+        for record in records:
             stamp, kind = record.stamp_ns, type(record)
             if stamp < latest.get(kind, 0):
                 self.disordered += 1
@@ -187,13 +189,26 @@ class Log(ABC):
                 what = f"{_plural(record)} with a stamp that jumps back, dropped"
                 where = f"at {stamp * 1e-9:.3f} s"
                 self.damage.add(what, file=self.sources[0].name, where=where)
-            elif len(heap) < REORDER_RECORDS:
-                heappush(heap, (stamp, arrival, record))
-            else:
-                given, _, ready = heappushpop(heap, (stamp, arrival, record))
+                continue
+            waiting.add(record)
+            if len(waiting) > REORDER_RECORDS:
+                ready = waiting.popleft()
+                given = ready.stamp_ns
                 yield ready
-        while heap:
-            yield heappop(heap)[2]
+        yield from waiting
+
+
+class _InOrder(deque[Record]):
+    """Records sorted by stamp, equal ones in the order of their arrival (`add`)."""
+
+    def add(self, record: Record) -> None:
+        if not self or self[-1].stamp_ns <= record.stamp_ns:
+            self.append(record)  # as nearly all come
+        else:
+            self.insert(bisect_right(self, record.stamp_ns, key=_stamp_ns), record)
+
+
+_stamp_ns = attrgetter("stamp_ns")
 
 
 def settled_mount(mount: Mount) -> Mount:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from ctypes import c_float
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,7 @@ from mapcli.model.log import BeamCounts
 def single(value: float) -> float:
     """The value as a 32-bit float holds it, as LaserScan messages do: every reader rounds its
     angles and limits so, and a scan stays the same whichever format it went through."""
-    with np.errstate(over="ignore"):
-        return float(np.float32(value))
+    return c_float(value).value  # as numpy's float32, without its warning of what becomes infinite
 
 
 def sensible_limits(range_min: float, range_max: float) -> tuple[float, float]:

@@ -38,8 +38,13 @@ _NAME = re.compile(rb"[A-Z][A-Z0-9_]{2,40}")
 
 def message_name(line: bytes) -> str | None:
     """The word that a line starts with, if it could be a message's name."""
-    word = next(iter(line[:48].split(None, 1)), b"")
-    return word.decode() if _NAME.fullmatch(word) else None
+    words = line[:48].split(None, 1)
+    if not words:
+        return None
+    usual = _USUAL_NAMES.get(words[0])
+    if usual is not None:
+        return usual
+    return words[0].decode() if _NAME.fullmatch(words[0]) else None
 
 
 def looks_like_carmen(start: bytes) -> bool:
@@ -114,6 +119,28 @@ PARSERS: dict[str, Parser] = {
 }
 """Message -> parser of its words; the second argument asks for the time of logging."""
 
+_USUAL_NAMES = {name.encode(): name for name in PARSERS}
+"""Nearly every line starts with one of these, and is spared the pattern."""
+
+_MOST_READINGS = 1 << 15
+"""Known readings; a centimetre each, they would do for 328 m."""
+
+_LONGEST_READING = 12
+
+
+class _Readings(dict[bytes, float]):
+    """Word -> number. A laser repeats a few thousand readings, and looking one up takes a third
+    of the time that it takes to convert it."""
+
+    def __missing__(self, word: bytes) -> float:
+        number = float(word)
+        if len(word) <= _LONGEST_READING:
+            self[word] = number
+        return number
+
+
+_readings = _Readings()
+
 
 def _expect(condition: bool) -> None:
     if not condition:
@@ -126,8 +153,9 @@ def _half_circle(n: int) -> tuple[float, float]:
 
 
 def _floats(words: list[bytes]) -> NDArray[np.float32]:
+    number = _readings.__getitem__ if len(_readings) < _MOST_READINGS else float
     with np.errstate(over="ignore"):
-        return np.array(list(map(float, words)), dtype=np.float32)
+        return np.fromiter(map(number, words), dtype=np.float32, count=len(words))
 
 
 def _pose(words: list[bytes]) -> Pose2D:

@@ -53,8 +53,8 @@ def _value(value: Any) -> str:
     return _indented(value).replace("\n", "\n ")
 
 
-def _dumps(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+_dumps = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
+"""On one line. Made once: `json.dumps` would make an encoder for each of a trace's poses."""
 
 
 def _indented(value: Any) -> str:

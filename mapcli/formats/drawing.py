@@ -88,14 +88,17 @@ def stamp_line(
     points, colours = points[inside], colours[inside]
     if len(points) == 0:
         return
-    x0, y0 = np.maximum(np.floor(points.min(axis=0)).astype(int) - reach, 0)
+    # A canvas that no disc leaves, though the picture may end before.
+    x0, y0 = np.floor(points.min(axis=0)).astype(int) - reach
     x1, y1 = np.ceil(points.max(axis=0)).astype(int) + reach + 1
-    region = pixels[y0:y1, x0:x1]
-    cover = np.zeros(region.shape[:2], dtype=np.float32)
-    owner = np.zeros(region.shape[:2], dtype=np.int32)
+    cover = np.zeros((y1 - y0, x1 - x0), dtype=np.float32)
+    owner = np.zeros(cover.shape, dtype=np.int32)
     for first in range(0, len(points), _BATCH):
         _stamp_discs(cover, owner, points[first : first + _BATCH] - (x0, y0), radius, first)
-    drawn = cover > 0
+    seen = np.s_[max(-y0, 0) : height - y0, max(-x0, 0) : width - x0]
+    cover, owner = cover[seen], owner[seen]
+    region = pixels[max(y0, 0) : y1, max(x0, 0) : x1]
+    drawn = np.nonzero(cover > 0)
     blend = cover[drawn][:, None]
     region[drawn] = np.rint(region[drawn] * (1 - blend) + colours[owner[drawn]] * blend)
 
@@ -126,27 +129,35 @@ def _stamp_discs(
     cover: NDArray[np.float32], owner: NDArray[np.int32], centres: NDArray[np.float64],
     radius: float, first: int,
 ) -> None:  # fmt: skip
-    """Add discs to what is covered, and by which sample; samples are counted from `first`."""
-    reach = math.ceil(radius + 1)
-    around = np.arange(-reach, reach + 1)
+    """Add discs, all of them inside, to what is covered, and by which sample; samples are
+    counted from `first`."""
     corner = np.floor(centres).astype(np.intp)
-    columns = corner[:, 0, None, None] + around[None, None, :]
-    rows = corner[:, 1, None, None] + around[None, :, None]
+    right, down = _disc(radius)
     distance = np.hypot(
-        columns + 0.5 - centres[:, 0, None, None], rows + 0.5 - centres[:, 1, None, None]
+        corner[:, :1] + (right + 0.5) - centres[:, :1],
+        corner[:, 1:] + (down + 0.5) - centres[:, 1:],
     )
-    amounts = np.clip(radius + 0.5 - distance, 0, 1).astype(np.float32)
-    rows, columns = np.broadcast_arrays(rows, columns)
-    used = (amounts > 0) & (rows >= 0) & (columns >= 0)
-    used &= (rows < cover.shape[0]) & (columns < cover.shape[1])
-    samples = np.broadcast_to(np.arange(len(centres))[:, None, None] + first, rows.shape)[used]
-    rows, columns, amounts = rows[used], columns[used], amounts[used]
+    used = distance < radius + 0.5
+    amounts = np.minimum(radius + 0.5 - distance[used], 1).astype(np.float32)
+    width = cover.shape[1]
+    cells = (corner[:, 1:] * width + corner[:, :1] + (down * width + right))[used]
+    samples = np.repeat(np.arange(first, first + len(centres)), np.count_nonzero(used, axis=1))
+    cover, owner = cover.reshape(-1), owner.reshape(-1)
     # A faint rim must not take over the core of an earlier stretch, only fill what is empty.
-    firm = (amounts >= 0.5) | (amounts > cover[rows, columns])
-    owner[rows[firm], columns[firm]] = samples[firm]
-    np.maximum.at(cover, (rows, columns), amounts)
+    firm = (amounts >= 0.5) | (amounts > cover[cells])
+    owner[cells[firm]] = samples[firm]
+    np.maximum.at(cover, cells, amounts)
     firm = amounts >= 0.5
-    owner[rows[firm], columns[firm]] = samples[firm]
+    owner[cells[firm]] = samples[firm]
+
+
+def _disc(radius: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Columns and rows, from that of its centre, of the pixels that a soft disc may touch."""
+    reach = math.ceil(radius)
+    down, right = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1)
+    nearest = np.hypot(*np.maximum(np.abs([right, down]) - 0.5, 0))
+    near = nearest < radius + 0.5
+    return right[near], down[near]
 
 
 def smooth_shape(

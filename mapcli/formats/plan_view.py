@@ -107,7 +107,7 @@ def plan_pixels(view: PlanView) -> NDArray[np.uint8]:
         levels = np.where(np.isnan(cells), _UNKNOWN_LEVEL, np.rint(cells * np.float32(100)))
         colours[band] = _LEVEL_COLOURS[levels.astype(np.uint8)]
     if view.zoom > 1:
-        colours = colours.repeat(int(view.zoom), axis=0).repeat(int(view.zoom), axis=1)
+        colours = colours.repeat(int(view.zoom), axis=1).repeat(int(view.zoom), axis=0)
     return colours
 
 

@@ -128,4 +128,8 @@ def _row(traced: TracedPose) -> dict[str, Any]:
 
 def _pose(pose: Pose2D) -> dict[str, float]:
     # + 0.0: no -0.0, whose sign is noise.
-    return {name: round(getattr(pose, name), 6) + 0.0 for name in ("x", "y", "theta")}
+    return {
+        "x": round(pose.x, 6) + 0.0,
+        "y": round(pose.y, 6) + 0.0,
+        "theta": round(pose.theta, 6) + 0.0,
+    }
