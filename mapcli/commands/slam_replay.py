@@ -17,7 +17,6 @@ from mapcli.algorithms.similarity import SIMILARITIES
 from mapcli.algorithms.slam import Slam, SlamParameters
 from mapcli.commands._limit_option import LimitType
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
-from mapcli.commands._numba_start import start_numba
 from mapcli.commands._options import (
     FILE,
     NOT_NEGATIVE,
@@ -138,7 +137,6 @@ def command(
     base = load_map(known) if known else None
     inputs = [*logs, *(map(str, base.files) if base else ())]
     check_replay_outputs(outputs, inputs, list(files.values()), no_clobber=no_clobber)
-    start_numba()
     parameters = slam_parameters(loops=loop_closing and not known, frozen=localize, **model)
     slam = Slam(parameters, initial_pose, known_map(base, parameters) if base else None)
     replay = Replay(log_input.open(logs), log_input, slam, files)

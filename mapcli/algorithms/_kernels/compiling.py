@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any, TypeVar
 
-from numba import njit
+from numba import njit as njit
 
 
 @contextmanager
@@ -25,7 +25,7 @@ def _missing(module: str) -> Iterator[None]:
 
 # Before its first loop runs, numba looks whether SciPy's BLAS is there, for `numpy.kron`, which no
 # kernel needs. Looking takes longer than loading all kernels.
-with _missing("scipy.linalg.cython_blas"):
+with _missing("scipy.linalg.cython_blas"), suppress(ImportError):
     import numba.np.arraymath  # noqa: F401
 
 Function = TypeVar("Function", bound=Callable[..., Any])

@@ -65,7 +65,7 @@ def compiled(function: Function) -> Function:
 
 @cache
 def _twins() -> dict[Callable[..., Any], Callable[..., Any]]:
-    from numba import njit
+    from mapcli.algorithms._kernels.compiling import njit
 
     version = _version()
     twins: dict[Callable[..., Any], Callable[..., Any]] = {}

@@ -10,8 +10,9 @@ from __future__ import annotations
 from math import atan2, cos, erf, exp, hypot, pi, sin, sqrt, tau
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from mapcli.algorithms._kernels.compiling import njit
 
 Floats = NDArray[np.float64]
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 from math import ceil, floor, inf
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from mapcli.algorithms._kernels.compiling import njit
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
