@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 from itertools import pairwise
-from math import floor
+from math import cos, floor, pi, sin
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from mapcli.algorithms._kernels.mapping import (
     bridge_walls,
     highest_bump,
     integrate_beams,
+    place_beams,
     update_field,
 )
 from mapcli.algorithms.occupancy import LEVEL_WIDTHS, MapParameters
@@ -76,11 +77,15 @@ def fast_integrate(
     rules: tuple[int, int, int, int] = RULES,
     field: NDArray[np.uint8] | None = None,
 ) -> tuple[NDArray[np.int16], list[tuple[int, int]]]:
-    after = log_odds.copy()
+    after, columns = log_odds.copy(), log_odds.shape[1]
     field = np.zeros(log_odds.shape, np.uint8) if field is None else field
-    changed = np.full((int(np.abs(ends - laser).sum()) + 4 * len(ends), 2), -1, np.int32)
-    count = integrate_beams(after, field, laser, ends, hits, rules, changed)
-    return after, [(v, u) for v, u in changed[:count].tolist()]
+    room = int(np.abs(ends - laser).sum()) + 4 * len(ends)
+    touched, changed = np.full(room, -1), np.full(room, -1)
+    both = np.concatenate([ends, laser[None]])
+    count = integrate_beams(
+        after.reshape(-1), field.reshape(-1), columns, both, hits, rules, touched, changed
+    )
+    return after, [divmod(cell, columns) for cell in changed[:count].tolist()]
 
 
 def beams(*ends: tuple[float, float]) -> NDArray[np.float64]:
@@ -222,6 +227,38 @@ def test_no_beams() -> None:
     assert changed == []
 
 
+# --- where beams are
+
+
+@FEW
+@given(SEEDS, st.integers(0, 12))
+def test_place_beams_as_its_twin(seed: int, n: int) -> None:
+    rng = np.random.default_rng(seed)
+    beams, (x, y, theta) = rng.normal(0, 5, (n + 1, 2)), rng.normal(0, 20, 3).tolist()
+    base, cell = rng.normal(0, 9, 2), 0.05
+    world, cells, box = np.empty_like(beams), np.empty_like(beams), np.empty(4, np.int64)
+    frame = (*base.tolist(), cell)
+    touched = place_beams(beams, (x, y, theta), frame, world, cells, box)
+    turn = np.array([[cos(theta), -sin(theta)], [sin(theta), cos(theta)]])
+    assert world == pytest.approx(beams @ turn.T + (x, y))
+    assert cells == pytest.approx((world - base) / cell)
+    whole = np.floor(cells)
+    assert box.tolist() == [*whole.min(axis=0), *whole.max(axis=0)]
+    # Each beam touches the cell it ends in and those that it leaves on the way there.
+    assert touched == n + np.abs(whole[:-1] - whole[-1]).sum()
+
+
+def test_place_beams_by_hand() -> None:
+    # The robot at (1, 2) looks up; the beam ends two metres ahead; the laser is half a metre ahead.
+    beams, world, cells = np.array([[2.0, 0.0], [0.5, 0.0]]), np.empty((2, 2)), np.empty((2, 2))
+    box = np.empty(4, np.int64)
+    touched = place_beams(beams, (1.0, 2.0, pi / 2), (0.75, 0.0, 0.5), world, cells, box)
+    assert world == pytest.approx(np.array([[1, 4], [1, 2.5]]))
+    assert cells == pytest.approx(np.array([[0.5, 8], [0.5, 5]]))
+    assert box.tolist() == [0, 5, 0, 8]
+    assert touched == 4
+
+
 # --- the likelihood field and its bounds
 
 BUMP = MapParameters().bump()
@@ -260,8 +297,8 @@ def random_walls(rng: np.random.Generator, size: int, share: float) -> NDArray[n
     return log_odds
 
 
-def changes_between(before: NDArray[np.int16], after: NDArray[np.int16]) -> NDArray[np.int32]:
-    return np.argwhere((before > 0) != (after > 0)).astype(np.int32)
+def changes_between(before: NDArray[np.int16], after: NDArray[np.int16]) -> NDArray[np.int64]:
+    return np.flatnonzero((before > 0) != (after > 0))
 
 
 def fields_of(log_odds: NDArray[np.int16], bump: NDArray[np.uint8] = BUMP) -> NDArray[np.uint8]:
@@ -445,9 +482,8 @@ def test_a_beam_through_a_bridge_undoes_it() -> None:
     fields = np.zeros((len(LEVEL_WIDTHS), 80, 80), np.uint8)
     row = np.array([(30.5, 40.5), (34.5, 40.5), (38.5, 40.5)])
     bridge_walls(fields, LEVEL_WIDTHS, UNKNOWN, row, BUMP)
-    log_odds, changed = UNKNOWN.copy(), np.empty((100, 2), np.int32)
-    through = np.array([(32.5, 50.5)])
-    count = integrate_beams(log_odds, fields[0], np.array([32.5, 35.5]), through, 0, RULES, changed)
-    assert changed[:count].tolist() == [[40, 32]]
-    update_field(fields, LEVEL_WIDTHS, log_odds, changed[:count], BUMP)
+    through, laser = beams((32.5, 50.5)), np.array([32.5, 35.5])
+    log_odds, changed = fast_integrate(UNKNOWN, laser, through, 0, field=fields[0])
+    assert changed == [(40, 32)]
+    update_field(fields, LEVEL_WIDTHS, log_odds, np.array([40 * 80 + 32]), BUMP)
     assert fields[0, 40, 32] == 0

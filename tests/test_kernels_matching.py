@@ -42,7 +42,7 @@ def walls(rng: np.random.Generator, count: int) -> NDArray[np.int16]:
 
 def fields_of(log_odds: NDArray[np.int16]) -> NDArray[np.uint8]:
     fields = np.zeros((len(LEVEL_WIDTHS), *log_odds.shape), np.uint8)
-    update_field(fields, LEVEL_WIDTHS, log_odds, np.argwhere(log_odds > 0).astype(np.int32), BUMP)
+    update_field(fields, LEVEL_WIDTHS, log_odds, np.flatnonzero(log_odds > 0), BUMP)
     return fields
 
 

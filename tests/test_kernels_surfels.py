@@ -184,9 +184,11 @@ def slow_surfel(points: Floats) -> list[float]:
 def test_make_surfel_as_its_twin(seed: int, count: int, turn: float, thick: float) -> None:
     points = np.random.default_rng(seed).normal(0, [0.05, thick], (count, 2))
     points = points @ np.array([[cos(turn), sin(turn)], [-sin(turn), cos(turn)]]) + [0.02, -0.03]
-    centre, surfel = np.array([-7.025, 3.975]), np.zeros(5)
+    centre, surfels = np.array([-7.025, 3.975]), np.zeros((3, 5))
     moments = tuple(float(m) for m in moments_of(list(points), np.zeros(2)))
-    state = kernels.make_surfel(moments, tuple(centre.tolist()), THICKNESS, surfel)
+    state = kernels.make_surfel(moments, tuple(centre.tolist()), THICKNESS, surfels, 1)
+    assert not surfels[::2].any()
+    surfel = surfels[1]
     assert state == kernels.FRESH
     mean, information = slow_surfel(points)[:2], slow_surfel(points)[2:]
     assert surfel[:2] == pytest.approx(mean + centre, abs=1e-9)
@@ -196,17 +198,17 @@ def test_make_surfel_as_its_twin(seed: int, count: int, turn: float, thick: floa
 def test_a_wall_by_hand() -> None:
     # Ten points from (0, 0) to (0.09, 0): it tells y to 1.5 cm, and nothing about x.
     points = [np.array([k / 100, 0.0]) for k in range(10)]
-    surfel = np.zeros(5)
+    surfels = np.zeros((1, 5))
     moments = tuple(float(m) for m in moments_of(points, np.zeros(2)))
-    assert kernels.make_surfel(moments, (1.0, 2.0), THICKNESS, surfel) == kernels.FRESH
+    assert kernels.make_surfel(moments, (1.0, 2.0), THICKNESS, surfels, 0) == kernels.FRESH
     expected = [1.045, 2.0, 0.0, 0.0, 1 / 0.015**2]
-    assert surfel == pytest.approx(expected, abs=1e-6)
+    assert surfels[0] == pytest.approx(expected, abs=1e-6)
 
 
 def test_too_few_points_make_no_surfel() -> None:
-    surfel, few = np.zeros(5), (kernels.FEWEST - 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
-    assert kernels.make_surfel(few, (0.0, 0.0), THICKNESS, surfel) == kernels.NONE
-    assert not surfel.any()
+    surfels, few = np.zeros((1, 5)), (kernels.FEWEST - 1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+    assert kernels.make_surfel(few, (0.0, 0.0), THICKNESS, surfels, 0) == kernels.NONE
+    assert not surfels.any()
 
 
 def slow_nearest(cells: dict[Cell, list[Floats]], x: float, y: float) -> Cell | None:
@@ -236,13 +238,13 @@ def test_nearest_surfel_as_its_twin(seed: int, count: int, extent: float) -> Non
             assert slot == -1
             continue
         assert slot == kernels.slot_of(table[0], table[1], *cell)
-        expected = np.zeros(5)
+        expected = np.zeros((1, 5))
         around = kernels.patch(*table[:3], *cell, CELL)
-        kernels.make_surfel(around, tuple(centre_of(cell).tolist()), THICKNESS, expected)
-        assert table[3][slot] == pytest.approx(expected)
+        kernels.make_surfel(around, tuple(centre_of(cell).tolist()), THICKNESS, expected, 0)
+        assert table[3][slot] == pytest.approx(expected[0])
 
 
-def moved(points: Floats, pose: Floats) -> Floats:
+def moved(points: Floats, pose: Floats | surfel_fit.Pose) -> Floats:
     c, s = cos(pose[2]), sin(pose[2])
     return points @ np.array([[c, s], [-s, c]]) + pose[:2]
 
@@ -251,13 +253,13 @@ def moved(points: Floats, pose: Floats) -> Floats:
 @given(SEEDS)
 def test_associate_is_nearest_surfel_of_each_point(seed: int) -> None:
     table, _ = table_of(scattered(seed, 120, 0.5))
-    points, pose = scattered(seed + 1, 40, 0.7), np.array([0.1, -0.05, 2.5])
-    partners = np.empty(len(points), np.int64)
-    fitted = surfel_fit.associate(table, points, pose, SHAPE, partners)
+    points, pose = scattered(seed + 1, 40, 0.7), (0.1, -0.05, 2.5)
+    partners = np.full(len(points), -9)
+    fitted = surfel_fit.associate(table, points, 3, 35, pose, SHAPE, partners)
     expected = [
-        kernels.nearest_surfel(table, x, y, CELL, THICKNESS) for x, y in moved(points, pose)
+        kernels.nearest_surfel(table, x, y, CELL, THICKNESS) for x, y in moved(points[3:35], pose)
     ]
-    assert partners.tolist() == expected
+    assert partners.tolist() == [-9] * 3 + expected + [-9] * (len(points) - 35)
     assert fitted == sum(partner >= 0 for partner in expected)
 
 
@@ -278,13 +280,37 @@ def robust_cost(
     return cost
 
 
+def pose_of(pose: Floats) -> surfel_fit.Pose:
+    x, y, theta = pose.tolist()
+    return x, y, theta
+
+
+def full_of(system: surfel_fit.System) -> tuple[Floats, Floats]:
+    """Normal matrix and gradient."""
+    xx, xy, xt, yy, yt, tt, *gradient = system
+    return np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]), np.array(gradient)
+
+
+def system_of(normal: Floats, gradient: Floats) -> surfel_fit.System:
+    return (*normal[np.triu_indices(3)].tolist(), *gradient.tolist())
+
+
+def linearised(
+    surfels: Floats, partners: NDArray[np.int64], points: Floats, pose: Floats
+) -> tuple[Floats, Floats]:
+    """Normal matrix and gradient of all points."""
+    n = len(points)
+    return full_of(surfel_fit.linearise(surfels, partners, points, 0, n, pose_of(pose), DOUBT))
+
+
 def random_fit(seed: int) -> tuple[Floats, NDArray[np.int64], Floats, Floats]:
     """Surfels, partners, points and a pose, near enough to each other to matter."""
     rng = np.random.default_rng(seed)
     table, _ = table_of(scattered(seed, 200, 0.5))
     points, pose = scattered(seed + 1, 60, 0.5), np.array([*rng.normal(0, 0.02, 2), 0.05])
     partners = np.empty(len(points), np.int64)
-    assert surfel_fit.associate(table, points, pose, SHAPE, partners) > 20
+    found = surfel_fit.associate(table, points, 0, len(points), pose_of(pose), SHAPE, partners)
+    assert found > 20
     return table[3], partners, points, pose
 
 
@@ -292,8 +318,7 @@ def random_fit(seed: int) -> tuple[Floats, NDArray[np.int64], Floats, Floats]:
 @given(SEEDS)
 def test_the_gradient_is_that_of_the_robust_cost(seed: int) -> None:
     surfels, partners, points, pose = random_fit(seed)
-    normal, gradient = np.zeros((3, 3)), np.zeros(3)
-    surfel_fit.linearise(surfels, partners, points, pose, DOUBT, normal, gradient)
+    _, gradient = linearised(surfels, partners, points, pose)
     step = 1e-6
     for k in range(3):
         off = np.zeros(3)
@@ -308,8 +333,7 @@ def test_the_gradient_is_that_of_the_robust_cost(seed: int) -> None:
 @given(SEEDS)
 def test_the_normal_matrix_as_its_twin(seed: int) -> None:
     surfels, partners, points, pose = random_fit(seed)
-    normal, gradient = np.ones((3, 3)), np.ones(3)  # what was there before does not matter
-    surfel_fit.linearise(surfels, partners, points, pose, DOUBT, normal, gradient)
+    normal, _ = linearised(surfels, partners, points, pose)
     expected = np.zeros((3, 3))
     for point, partner in zip(points, partners, strict=True):
         if partner >= 0:
@@ -320,7 +344,19 @@ def test_the_normal_matrix_as_its_twin(seed: int) -> None:
             say = (1 + gap @ information @ gap / DOUBT**2) ** -2
             jacobian = np.array([[1, 0, -ry], [0, 1, rx]])
             expected += say * jacobian.T @ information @ jacobian
-    assert np.triu(normal) == pytest.approx(np.triu(expected), rel=1e-9, abs=1e-6)
+    assert normal == pytest.approx(expected, rel=1e-9, abs=1e-6)
+
+
+def test_a_part_of_the_points_is_linearised() -> None:
+    surfels, partners, points, pose = random_fit(5)
+    normal, gradient = linearised(surfels, partners, points, pose)
+    parts = [
+        surfel_fit.linearise(surfels, partners, points, *part, pose_of(pose), DOUBT)
+        for part in ((0, 20), (20, len(points)))
+    ]
+    in_parts, gradient_in_parts = full_of(tuple(np.sum(parts, axis=0)))
+    assert in_parts == pytest.approx(normal)
+    assert gradient_in_parts == pytest.approx(gradient)
 
 
 def test_a_points_say_falls_to_a_quarter_at_the_doubt() -> None:
@@ -328,8 +364,7 @@ def test_a_points_say_falls_to_a_quarter_at_the_doubt() -> None:
     partners, pose = np.zeros(1, np.int64), np.zeros(3)
     for deviations, say in ((0.0, 1.0), (DOUBT, 0.25)):
         point = np.array([[deviations / 10, 0.0]])
-        normal, gradient = np.zeros((3, 3)), np.zeros(3)
-        surfel_fit.linearise(surfels, partners, point, pose, DOUBT, normal, gradient)
+        normal, gradient = linearised(surfels, partners, point, pose)
         assert normal[0, 0] == pytest.approx(100 * say)
         assert gradient[0] == pytest.approx(-100 * say * deviations / 10)
 
@@ -348,9 +383,9 @@ def prior_cost(pose: Floats, predicted: Floats, prior: tuple[float, float, float
 def test_the_prior_pulls_down_its_cost(place: tuple[float, float, float]) -> None:
     pose, predicted, prior = np.array(place), np.array([0.2, -0.1, 0.3]), (100.0, 400.0, 9.0)
     known, pull = np.diag([5.0, 6.0, 7.0]) + 1, np.array([1.0, 2.0, 3.0])
-    total, right = np.zeros((3, 3)), np.zeros(3)
-    surfel_fit.add_prior(pose, predicted, prior, known, pull, total, right)
-    normal, gradient = total - np.triu(known), right - pull
+    system = system_of(known, pull)
+    total = surfel_fit.with_prior(system, pose_of(pose), pose_of(predicted), prior)
+    normal, gradient = (a - b for a, b in zip(full_of(total), (known, pull), strict=True))
     assert (normal == np.diag(np.diag(normal))).all()
     for k in range(3):
         off = np.zeros(3)
@@ -362,19 +397,29 @@ def test_the_prior_pulls_down_its_cost(place: tuple[float, float, float]) -> Non
 
 @FEW
 @given(SEEDS)
-def test_solve3_as_numpy(seed: int) -> None:
+def test_a_step_as_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     factor = rng.normal(0, 30, (3, 5))
     matrix, right = factor @ factor.T, rng.normal(0, 100, 3)
-    found = np.empty(3)
-    surfel_fit.solve3(np.triu(matrix), right, found)
-    assert matrix @ found == pytest.approx(right, abs=1e-6)
+    found = surfel_fit.stepped((1.0, 2.0, 3.0), system_of(matrix, right))
+    assert matrix @ (np.array(found) - [1, 2, 3]) == pytest.approx(right, abs=1e-6)
 
 
-def test_solve3_without_any_information_stays_where_it_is() -> None:
-    solution = np.ones(3)
-    surfel_fit.solve3(np.zeros((3, 3)), np.zeros(3), solution)
-    assert solution.tolist() == [0, 0, 0]
+def test_a_step_without_any_information_stays_where_it_is() -> None:
+    nothing = system_of(np.zeros((3, 3)), np.zeros(3))
+    assert surfel_fit.stepped((1.0, 2.0, 3.0), nothing) == (1.0, 2.0, 3.0)
+
+
+def test_when_a_pose_is_still() -> None:
+    still = surfel_fit.STILL, surfel_fit.STILL_TURN
+    for x, turn, share, expected in (
+        (0.9 * still[0], 0.0, 1.0, True),
+        (1.1 * still[0], 0.0, 1.0, False),
+        (0.3 * still[0], 0.0, 0.2, False),
+        (0.0, 1.1 * still[1], 1.0, False),
+        (-0.1 * still[0], -0.1 * still[1], 0.2, True),
+    ):
+        assert surfel_fit.is_still((0.0, 0.0, 1.0), (x, 0.0, 1 + turn), share) is expected
 
 
 def room(step: float, start: float) -> Floats:
@@ -393,8 +438,22 @@ def room(step: float, start: float) -> Floats:
 NO_PRIOR = 0.0, 0.0, 9.0
 
 
+def fit_scans(
+    table: kernels.Table, scans: list[Floats], starts: list[Floats], rounds: int
+) -> list[tuple[Floats, Floats, int]]:
+    """Pose, normal matrix and points at walls of each scan, without odometry."""
+    points, ends = np.concatenate(scans), np.cumsum([len(scan) for scan in scans])
+    poses, systems = np.array(starts), np.empty((len(scans), 6))
+    partners, fitted = np.empty(len(points), np.int64), np.empty(len(scans), np.int64)
+    surfel_fit.fit_scans(
+        table, points, ends, poses, poses.copy(), NO_PRIOR, SHAPE, rounds, partners, systems, fitted
+    )
+    normals = [full_of((*system, 0.0, 0.0, 0.0))[0] for system in systems]
+    return list(zip(poses, normals, fitted.tolist(), strict=True))
+
+
 @pytest.mark.parametrize("seed", range(5))
-def test_refine_finds_a_pose_that_is_less_than_a_cell_off(seed: int) -> None:
+def test_a_fit_finds_a_pose_that_is_less_than_a_cell_off(seed: int) -> None:
     table, _ = table_of(room(0.02, 0.004))
     rng = np.random.default_rng(seed)
     true = np.array([*rng.uniform(-0.3, 0.3, 2), rng.uniform(-pi, pi)])
@@ -402,20 +461,29 @@ def test_refine_finds_a_pose_that_is_less_than_a_cell_off(seed: int) -> None:
     c, s = cos(true[2]), sin(true[2])
     points = (world - true[:2]) @ np.array([[c, -s], [s, c]])
     start = true + np.array([*rng.uniform(-CELL, CELL, 2) * 0.7, rng.uniform(-0.015, 0.015)])
-    pose, normal, fitted = surfel_fit.refine(table, points, start, start, NO_PRIOR, SHAPE, 20)
+    ((pose, normal, fitted),) = fit_scans(table, [points], [start], 20)
     # Nothing but corners, where two walls are in one cell, keeps it from being exact.
     assert np.hypot(*(pose - true)[:2]) < CELL / 10
     assert abs(pose[2] - true[2]) < radians(0.1)
     assert fitted > 0.99 * len(points)
-    full = normal + np.triu(normal, 1).T
-    assert (np.linalg.eigvalsh(full) > 0).all()
+    assert (np.linalg.eigvalsh(normal) > 0).all()
 
 
-def test_refine_where_nothing_is_stays() -> None:
-    table, start = empty_table(16), np.array([1.0, 2.0, 3.0])
-    pose, normal, fitted = surfel_fit.refine(
-        table, room(0.5, 0.1), start, start, NO_PRIOR, SHAPE, 5
-    )
+def test_scans_are_fitted_each_for_itself() -> None:
+    table, _ = table_of(room(0.02, 0.004))
+    scans = [room(0.07, 0.031), room(0.3, 0.2), np.empty((0, 2)), room(0.2, 0.1)[:20]]
+    starts = [np.array([0.01 * k, -0.02, 0.003 * k]) for k in range(4)]
+    together = fit_scans(table, scans, starts, 3)
+    for scan, start, found in zip(scans, starts, together, strict=True):
+        ((pose, normal, fitted),) = fit_scans(table, [scan], [start], 3)
+        assert pose.tolist() == found[0].tolist()
+        assert normal.tolist() == found[1].tolist()
+        assert fitted == found[2]
+
+
+def test_a_fit_where_nothing_is_stays() -> None:
+    start = np.array([1.0, 2.0, 3.0])
+    ((pose, normal, fitted),) = fit_scans(empty_table(16), [room(0.5, 0.1)], [start], 5)
     assert pose.tolist() == [1, 2, 3]
     assert not normal.any()
     assert fitted == 0
@@ -433,7 +501,8 @@ def test_fits_as_its_twin(seed: int, low: tuple[int, int], count: int, stride: i
     field = rng.integers(0, 256, (45, 50)).astype(np.uint8)
     points = rng.integers(8, 30, (25, 2))  # rows, columns
     places = points[:, 0] * 50 + points[:, 1]
-    sums = fits(field.reshape(-1), places, 50, low, count, stride)
+    sums = np.empty((count, count), np.int64)
+    fits(field.reshape(-1), places, 50, low, stride, sums)
     across, down = ([start + k * stride for k in range(count)] for start in low)
     expected = [
         [sum(int(field[r + dv, c + du]) for r, c in points) for du in across] for dv in down
