@@ -442,11 +442,11 @@ def fit_scans(
     table: kernels.Table, scans: list[Floats], starts: list[Floats], rounds: int
 ) -> list[tuple[Floats, Floats, int]]:
     """Pose, normal matrix and points at walls of each scan, without odometry."""
-    points, ends = np.concatenate(scans), np.cumsum([len(scan) for scan in scans])
+    points, bounds = np.concatenate(scans), np.cumsum([0, *(len(scan) for scan in scans)])
     poses, systems = np.array(starts), np.empty((len(scans), 6))
     partners, fitted = np.empty(len(points), np.int64), np.empty(len(scans), np.int64)
     surfel_fit.fit_scans(
-        table, points, ends, poses, poses.copy(), NO_PRIOR, SHAPE, rounds, partners, systems, fitted
+        table, points, bounds, poses, poses.copy(), NO_PRIOR, SHAPE, rounds, partners, systems, fitted
     )
     normals = [full_of((*system, 0.0, 0.0, 0.0))[0] for system in systems]
     return list(zip(poses, normals, fitted.tolist(), strict=True))

@@ -142,7 +142,7 @@ class SurfelMap:
         heading = start.theta + wrap_angle(guess.theta - start.theta)
         pose, matrix, fitted = self._fit(
             points,
-            np.array([len(points)]),
+            np.array([0, len(points)]),
             np.array([[start.x, start.y, start.theta]], np.float64),
             np.array([[guess.x, guess.y, heading]], np.float64),
             deviations,
@@ -158,8 +158,8 @@ class SurfelMap:
         """What `fit` finds for each of many scans, without a prediction: pose and `fitted`."""
         begin = np.array([(pose.x, pose.y, pose.theta) for pose in starts], np.float64)
         points = np.concatenate(scans).astype(np.float64)
-        ends = np.cumsum([len(scan) for scan in scans])
-        poses, _, fitted = self._fit(points, ends, begin, begin.copy(), NO_IDEA)
+        bounds = np.cumsum([0, *(len(scan) for scan in scans)])
+        poses, _, fitted = self._fit(points, bounds, begin, begin.copy(), NO_IDEA)
         return [
             (Pose2D(x, y, wrap_angle(theta)), n)
             for (x, y, theta), n in zip(poses.tolist(), fitted.tolist(), strict=True)
@@ -168,19 +168,19 @@ class SurfelMap:
     def _fit(
         self,
         points: NDArray[np.float64],
-        ends: NDArray[np.int64],
+        bounds: NDArray[np.int64],
         poses: NDArray[np.float64],
         predicted: NDArray[np.float64],
         deviations: tuple[float, float],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
         """Fit scans, see `fit_scans`: poses, upper triangles of information, points at walls."""
-        p, scans = self.parameters, len(ends)
+        p, scans = self.parameters, len(poses)
         share = 1 / p.independent
         systems, fitted = np.empty((scans, 6)), np.empty(scans, np.int64)
         fit_scans(
             (self._keys, self._slots, self._moments, self._surfels, self._states),
             points,
-            ends,
+            bounds,
             poses,
             predicted,
             (share / deviations[0] ** 2, share / deviations[1] ** 2, p.knee * share),

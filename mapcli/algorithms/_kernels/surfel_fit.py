@@ -29,7 +29,7 @@ System = tuple[float, float, float, float, float, float, float, float, float]
 def fit_scans(
     table: Table,
     points: NDArray[np.float64],
-    ends: NDArray[np.int64],
+    bounds: NDArray[np.int64],
     poses: NDArray[np.float64],
     predicted: NDArray[np.float64],
     prior: tuple[float, float, float],
@@ -42,7 +42,8 @@ def fit_scans(
     """Fit scans, one by one, to the walls and to what odometry says.
 
     Args:
-        points: of all scans, shape (n, 2), in the robot's frame; those of scan k end at ends[k].
+        points: of all scans, shape (n, 2), in the robot's frame; those of scan k are the ones
+            from bounds[k] to bounds[k + 1] - 1.
         poses: shape (scans, 3), (x, y, theta) in the world; changed in place.
         predicted: the same as odometry says.
         prior: (information per squared metre, per squared radian, squared deviations at which
@@ -54,9 +55,8 @@ def fit_scans(
             poses, from the points alone.
         fitted: filled with how many points of each scan have a wall.
     """
-    first = 0
-    for k in range(len(ends)):
-        last = ends[k]
+    for k in range(len(poses)):
+        first, last = bounds[k], bounds[k + 1]
         pose = (poses[k, 0], poses[k, 1], poses[k, 2])
         guess = (predicted[k, 0], predicted[k, 1], predicted[k, 2])
         for _ in range(rounds):
@@ -74,7 +74,6 @@ def fit_scans(
             poses[k, j] = pose[j]
         for j in range(6):
             systems[k, j] = system[j]
-        first = last
 
 
 @kernel

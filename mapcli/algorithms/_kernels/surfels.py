@@ -169,10 +169,24 @@ def nearest_surfel(table: Table, x: float, y: float, cell: float, thickness: flo
 
     -1 where there is none, or no wall can be told from the points.
     """
+    best, u, v = nearest_cell(table, x, y, cell)
+    if best < 0:
+        return best
     keys, slots, moments, surfels, states = table
+    if states[best] == STALE:
+        around = patch(keys, slots, moments, u, v, cell)
+        centre = ((u + 0.5) * cell, (v + 0.5) * cell)
+        states[best] = make_surfel(around, centre, thickness, surfels, best)
+    return best if states[best] == FRESH else -1
+
+
+@kernel
+def nearest_cell(table: Table, x: float, y: float, cell: float) -> tuple[int, int, int]:
+    """The slot of the cell whose points' mean is nearest to a point, -1 where none are near, and
+    the cell."""
+    keys, slots, moments, _, _ = table
     u, v = floor(x / cell), floor(y / cell)
-    best, nearest = -1, np.inf
-    at_u = at_v = 0
+    best, at_u, at_v, nearest = -1, u, v, np.inf
     for ring in range(FARTHEST_PARTNER + 1):
         # Nothing farther out can be nearer than what was found.
         if (ring - 1) * cell * (ring - 1) * cell >= nearest:
@@ -193,8 +207,4 @@ def nearest_surfel(table: Table, x: float, y: float, cell: float, thickness: flo
                 square = off_x * off_x + off_y * off_y
                 if square < nearest:
                     best, nearest, at_u, at_v = slot, square, u + du, v + dv
-    if best >= 0 and states[best] == STALE:
-        around = patch(keys, slots, moments, at_u, at_v, cell)
-        centre = ((at_u + 0.5) * cell, (at_v + 0.5) * cell)
-        states[best] = make_surfel(around, centre, thickness, surfels, best)
-    return best if best >= 0 and states[best] == FRESH else -1
+    return best, at_u, at_v
