@@ -6,6 +6,7 @@ import heapq
 import math
 from dataclasses import dataclass
 from itertools import count
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,23 +140,28 @@ class PoseGraph:
         Contradiction is judged ever more strictly, as before the first step even right loops
         contradict the drift that they are there to undo (graduated non-convexity).
         """
-        for doubt in DOUBTS:
-            self._optimise(doubt)
-
-    def _optimise(self, doubt: float) -> None:
         import gtsam  # slow to import, and most short logs have no loops
 
-        noise, factors, values = gtsam.noiseModel, gtsam.NonlinearFactorGraph(), gtsam.Values()
-        robust = noise.mEstimator.Cauchy.Create(doubt)
+        values = gtsam.Values()
         for number, pose in enumerate(self.poses):
             values.insert(number, gtsam.Pose2(pose.x, pose.y, pose.theta))
-        factors.add(gtsam.PriorFactorPose2(0, values.atPose2(0), noise.Constrained.All(3)))
+        for doubt in DOUBTS:
+            values = gtsam.LevenbergMarquardtOptimizer(self._factors(doubt), values).optimize()
+        found = [values.atPose2(number) for number in range(len(self.poses))]
+        self.poses = [Pose2D(pose.x(), pose.y(), pose.theta()) for pose in found]
+
+    def _factors(self, doubt: float) -> Any:
+        """The edges as GTSAM wants them, and that the first pose stays where it is."""
+        import gtsam
+
+        noise, factors, first = gtsam.noiseModel, gtsam.NonlinearFactorGraph(), self.poses[0]
+        robust = noise.mEstimator.Cauchy.Create(doubt)
+        here = gtsam.Pose2(first.x, first.y, first.theta)
+        factors.add(gtsam.PriorFactorPose2(0, here, noise.Constrained.All(3)))
         for edge in self.edges:
             gaussian = noise.Gaussian.Covariance(edge.covariance)
             model = noise.Robust.Create(robust, gaussian) if edge.is_loop else gaussian
             m = edge.measured
             between = gtsam.Pose2(m.x, m.y, m.theta)
             factors.add(gtsam.BetweenFactorPose2(edge.from_, edge.to, between, model))
-        result = gtsam.LevenbergMarquardtOptimizer(factors, values).optimize()
-        found = [result.atPose2(number) for number in range(len(self.poses))]
-        self.poses = [Pose2D(pose.x(), pose.y(), pose.theta()) for pose in found]
+        return factors
