@@ -209,6 +209,15 @@ def test_search_finds_what_trying_everything_finds(
     own = score_at(fields[0], points, start, shift, steps[1], prior)
     assert (score, fit) == pytest.approx(own, abs=1e-6)
 
+    half = reach // 2, turns // 2
+    known = kernels.search(fields, LEVEL_WIDTHS, points, start, half, steps, prior, top)
+    kept = known.copy()
+    again = kernels.search(
+        fields, LEVEL_WIDTHS, points, start, (reach, turns), steps, prior, top, known
+    )
+    assert again[3] == pytest.approx(best, abs=1e-6)
+    assert (known == kept).all()
+
 
 def test_search_of_noise() -> None:
     # Random fields, whose bounds say little.

@@ -446,7 +446,17 @@ def fit_scans(
     poses, systems = np.array(starts), np.empty((len(scans), 6))
     partners, fitted = np.empty(len(points), np.int64), np.empty(len(scans), np.int64)
     surfel_fit.fit_scans(
-        table, points, bounds, poses, poses.copy(), NO_PRIOR, SHAPE, rounds, partners, systems, fitted
+        table,
+        points,
+        bounds,
+        poses,
+        poses.copy(),
+        NO_PRIOR,
+        SHAPE,
+        rounds,
+        partners,
+        systems,
+        fitted,
     )
     normals = [full_of((*system, 0.0, 0.0, 0.0))[0] for system in systems]
     return list(zip(poses, normals, fitted.tolist(), strict=True))

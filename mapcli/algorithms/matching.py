@@ -91,6 +91,8 @@ class _Window:
         self.turn_step = math.radians(parameters.step_theta_deg)
         stride = 1 if parameters.step_xy is None else round(parameters.step_xy / self.cell)
         self.stride = max(1, stride)
+        # The best of the windows searched so far, on the grid of poses and refined.
+        self.found: tuple[NDArray[np.float64], Match] | None = None
         self.weight = kernels.FULL * max(len(points), parameters.usual) * parameters.prior
 
     def best(self, lately: Lately) -> Match:
@@ -148,12 +150,14 @@ class _Window:
         return replace(best, found=found, doubtful=doubtful)
 
     def _search(self, half_xy: float, half_turn: float) -> Match:
-        """The best pose in a window around the predicted one, which is covered, refined."""
+        """The best pose in a window around the predicted one, which is covered, refined; each
+        window holds the one before."""
         start = self.grid.pose_to_cells(self.predicted)
         reach = math.ceil(half_xy / self.cell)
         cell_prior = (self.cell / self.spread.xy) ** 2
         step_prior = (self.turn_step / self.spread.turn) ** 2
-        du, dv, turn, _, _ = kernels.search(
+        before = self.found and self.found[0]
+        found = kernels.search(
             self.grid.fields,
             LEVEL_WIDTHS,
             self.points,
@@ -162,10 +166,13 @@ class _Window:
             (self.stride, self.turn_step),
             (self.weight, self.parameters.prior_knee, cell_prior, step_prior),
             kernels.top_level(reach),
+            before,
         )
-        return self._settle(
-            self.grid.pose_from_cells(start + np.array([du, dv, turn * self.turn_step]))
-        )
+        if self.found is None or (found != before).any():
+            du, dv, turn = found[:3].tolist()
+            shift = np.array([du, dv, turn * self.turn_step])
+            self.found = found, self._settle(self.grid.pose_from_cells(start + shift))
+        return self.found[1]
 
     def _settle(self, near: Pose2D) -> Match:
         """Refine a pose, and see how well the scan agrees with the map there."""

@@ -98,6 +98,7 @@ def search(
     steps: tuple[int, float],
     prior: Prior,
     top: int,
+    known: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """The best pose of a window around `start`, the same that trying all of them would find.
 
@@ -113,6 +114,7 @@ def search(
         steps: (cells between poses, a whole number; radians between turns).
         prior: see `penalty`.
         top: the level of the largest nodes.
+        known: what this returned for a smaller window within this one, which saves time.
 
     Returns:
         (du, dv, turns, score, sum of the field): du, dv in cells, turns in steps, from `start`.
@@ -124,9 +126,10 @@ def search(
     places = turned(points, start, half[1], turn_step, columns)
     bounds = np.empty(len(places) * side_of(size) ** 2)
     bound_nodes(layers, top, places, columns, size, prior, bounds)
+    best = np.array([0.0, 0.0, 0.0, -np.inf, 0.0]) if known is None else known.copy()
     # Sorted outside the compiled loops, where a sort alone would take two seconds to compile.
-    order = np.argsort(-bounds, kind="stable")
-    best = np.array([0.0, 0.0, 0.0, -np.inf, 0.0])
+    order = np.flatnonzero(bounds > best[3])
+    order = order[np.argsort(-bounds[order], kind="stable")]
     stack = np.empty((len(widths) * int(widths[top]) ** 2, 3), np.int64)
     open_nodes(
         layers, widths, places, columns, (*size, top, stride), prior, bounds, order, stack, best
