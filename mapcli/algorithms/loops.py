@@ -9,7 +9,8 @@ agree with another loop beside it, unless the graph knew already where it would 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -20,6 +21,10 @@ from mapcli.algorithms.occupancy import MapParameters
 from mapcli.algorithms.pose_graph import Edge, PoseGraph, Way
 from mapcli.algorithms.stretch_match import StretchMatch, StretchMatcher, StretchParameters
 from mapcli.model.pose import Pose2D
+
+NEWS, NEWS_SHARE = 1.0, 0.05
+"""Standard deviations by which a loop contradicts a graph that has to move for it at once; the
+share of loops that may wait otherwise, lest the time grows with the square of their number."""
 
 
 @dataclass(frozen=True)
@@ -86,8 +91,11 @@ class LoopCloser:
         self.graph = PoseGraph([keyframes[s.anchor].pose for s in self.stretches])
         for k, (a, b) in enumerate(pairwise(s.anchor for s in self.stretches)):
             self.graph.add(self._chained(k, a, b))
+        self.metres = np.array([keyframes[s.anchor].metres for s in self.stretches])
         self.pending: list[tuple[Edge, float]] = []
         self.closed: list[tuple[Edge, float]] = []
+        self._untold = 0  # accepted since the graph was optimised
+        self._loops_to: defaultdict[int, list[Edge]] = defaultdict(list)  # pending and closed
 
     def _chained(self, k: int, a: int, b: int) -> Edge:
         one, other = self.keyframes[a], self.keyframes[b]
@@ -98,34 +106,49 @@ class LoopCloser:
     def run(self, progress: Callable[[int], None] = lambda stretch: None) -> Closed:
         """Close all loops, in the order in which the robot came back."""
         for new in range(len(self.stretches)):
-            ways = self.graph.ways_from(new)
-            for old in self.candidates(new, ways):
-                self.compare(old, new, ways[old])
-            if self.accept():
-                self.graph.optimise()
+            for old, way in self.candidates(new).items():
+                self.compare(old, new, way)
+            self.learn(self.accept())
             progress(new)
+        if self._untold:
+            self.graph.optimise(is_settled=True)
         self.prune()
         loops = [edge for edge, _ in self.closed]
         return Closed(self.stretches, self.graph.poses, loops, [s for _, s in self.closed])
 
-    def candidates(self, new: int, ways: dict[int, Way]) -> list[int]:
+    def learn(self, accepted: list[Edge]) -> None:
+        """Optimise the graph, unless loops only tell what many before have told."""
+        if not accepted:
+            return
+        self._untold += len(accepted)
+        is_news = max(edge.error(self.graph.poses) for edge in accepted) >= NEWS
+        if is_news or self._untold >= NEWS_SHARE * len(self.closed):
+            self.graph.optimise(is_settled=not is_news)
+            self._untold = 0
+
+    def candidates(self, new: int) -> dict[int, Way]:
         """Old stretches where the robot may be again: the nearest of each visit, unless a short
         way through the graph leads there, so that nothing would be learned."""
-        p, here, at = self.parameters, self.graph.poses[new], self._metres(new)
-        old = [k for k in range(new) if at - self._metres(k) >= p.apart_m]
-        distance = {k: here.distance(self.graph.poses[k]) for k in old}
+        p = self.parameters
+        near = self._near(new)
+        ways = self.graph.ways_from(new, near)
         nearest: list[int] = []
-        for k in sorted(old, key=lambda k: distance[k]):
-            if distance[k] >= p.near_m + p.most_xy:
-                break
-            if distance[k] >= p.near_m + self._window(ways[k])[0]:
+        for k, distance in near.items():
+            if distance >= p.near_m + self._window(ways[k])[0]:
                 continue
-            if all(abs(self._metres(k) - self._metres(j)) > p.apart_m for j in nearest):
+            if all(abs(self.metres[k] - self.metres[j]) > p.apart_m for j in nearest):
                 nearest.append(k)
-        return [k for k in nearest if ways[k].metres >= p.apart_m][: p.candidates]
+        far = [k for k in nearest if ways[k].metres >= p.apart_m]
+        return {k: ways[k] for k in far[: p.candidates]}
 
-    def _metres(self, stretch: int) -> float:
-        return self.keyframes[self.stretches[stretch].anchor].metres
+    def _near(self, new: int) -> dict[int, float]:
+        """Old stretches that may be candidates, with their distances, the nearest first."""
+        p, here = self.parameters, self.graph.poses[new]
+        old = int(np.searchsorted(self.metres, self.metres[new] - p.apart_m, side="right"))
+        distances = np.hypot(*(self.graph.positions()[:old] - (here.x, here.y)).T)
+        near = np.flatnonzero(distances < p.near_m + p.most_xy)
+        near = near[np.argsort(distances[near], kind="stable")]
+        return dict(zip(near.tolist(), distances[near].tolist(), strict=True))
 
     def _window(self, way: Way) -> tuple[float, float]:
         """Half-widths of where a stretch may be, metres and radians."""
@@ -146,7 +169,7 @@ class LoopCloser:
         deviations = (window[0] / p.deviations, window[1] / p.deviations)
         match = self.matcher.match(a, b, predicted, window, deviations)
         if match is not None and self._is_good(match):
-            self.pending.append((Edge(old, new, match.pose, match.covariance), match.score))
+            self.offer(Edge(old, new, match.pose, match.covariance), match.score)
 
     def _is_good(self, match: StretchMatch) -> bool:
         p = self.parameters
@@ -154,34 +177,53 @@ class LoopCloser:
         least, _ = np.linalg.eigvalsh(match.covariance[:2, :2]).tolist()
         return fits and math.sqrt(least) < p.doubt
 
-    def accept(self) -> bool:
-        """Take the waiting loops that agree with another one; whether there were any."""
-        agreed = [k for k, one in enumerate(self.pending) if self._has_support(k, one[0])]
-        for k in agreed:
-            self.graph.add(self.pending[k][0])
-            self.closed.append(self.pending[k])
-        self.pending = [one for k, one in enumerate(self.pending) if k not in agreed]
-        return bool(agreed)
+    def offer(self, loop: Edge, score: float) -> None:
+        """A loop that waits for another one that agrees with it."""
+        self.pending.append((loop, score))
+        self._loops_to[loop.to].append(loop)
 
-    def _has_support(self, k: int, loop: Edge) -> bool:
-        others = [edge for j, (edge, _) in enumerate(self.pending) if j != k]
-        others += [edge for edge, _ in self.closed]
-        return any(self._agree(loop, other) for other in others)
+    def accept(self) -> list[Edge]:
+        """Take the waiting loops that agree with another one; which they were.
+
+        Only the newest ones can tell anything that was not known before.
+        """
+        newest = max((edge.to for edge, _ in self.pending), default=0)
+        agreed: set[Edge] = set()
+        for loop in self._loops_to[newest]:
+            for other in self._beside(newest):
+                if self._agree(loop, other):
+                    agreed |= {loop, other}
+        taken = [one for one in self.pending if one[0] in agreed]
+        for one in taken:
+            self.graph.add(one[0])
+        self.closed += taken
+        self.pending = [one for one in self.pending if one[0] not in agreed]
+        return [edge for edge, _ in taken]
+
+    def _beside(self, stretch: int) -> Iterator[Edge]:
+        """Loops of the stretches just before."""
+        p = self.parameters
+        for k in range(stretch - 1, -1, -1):
+            if self.metres[stretch] - self.metres[k] > p.apart_m + p.stretch_m:
+                break
+            yield from self._loops_to[k]
 
     def _agree(self, one: Edge, other: Edge) -> bool:
         """Whether two loops beside each other say the same, going round over both of them."""
         p = self.parameters
-        new = abs(self._metres(one.to) - self._metres(other.to))
-        old = abs(self._metres(one.from_) - self._metres(other.from_))
-        if one.to == other.to or new > p.apart_m + p.stretch_m or old > 2 * p.apart_m:
+        new = abs(self.metres[one.to] - self.metres[other.to])
+        old = abs(self.metres[one.from_] - self.metres[other.from_])
+        if old > 2 * p.apart_m:
             return False
-        tracked = [self.keyframes[s.anchor].pose for s in self.stretches]
-        before = tracked[one.from_].between(tracked[other.from_])
+        before = self._tracked(one.from_).between(self._tracked(other.from_))
         round_ = one.measured.inverse().compose(before).compose(other.measured)
-        off = tracked[one.to].between(tracked[other.to]).between(round_)
+        off = self._tracked(one.to).between(self._tracked(other.to)).between(round_)
         far = math.hypot(off.x, off.y) <= p.agree_xy + p.agree_share * (new + old)
         turn = math.radians(p.agree_deg + p.agree_deg_per_m * (new + old))
         return far and abs(off.theta) <= turn
+
+    def _tracked(self, stretch: int) -> Pose2D:
+        return self.keyframes[self.stretches[stretch].anchor].pose
 
     def prune(self) -> None:
         """Let go of loops that the others contradict in the end."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import count
 from typing import Any
@@ -101,6 +102,7 @@ class PoseGraph:
 
     def __init__(self, poses: list[Pose2D]) -> None:
         self.poses = list(poses)
+        self._positions: NDArray[np.float64] | None = None
         self.edges: list[Edge] = []
         self._at: list[list[Edge]] = [[] for _ in poses]
 
@@ -114,16 +116,24 @@ class PoseGraph:
         self._at[edge.from_].remove(edge)
         self._at[edge.to].remove(edge)
 
-    def ways_from(self, start: int) -> dict[int, Way]:
-        """The shortest way to each pose (Dijkstra)."""
+    def positions(self) -> NDArray[np.float64]:
+        """(x, y) of the poses, shape (n, 2)."""
+        if self._positions is None:
+            self._positions = np.array([(pose.x, pose.y) for pose in self.poses])
+        return self._positions
+
+    def ways_from(self, start: int, wanted: Iterable[int]) -> dict[int, Way]:
+        """The shortest ways to the wanted poses, and some others (Dijkstra)."""
         ways: dict[int, Way] = {}
+        missing = set(wanted)
         order = count()  # ties are decided by what was found first
         waiting = [(0.0, next(order), start, Way(0.0, self.poses[start]))]
-        while waiting:
+        while missing and waiting:
             metres, _, node, way = heapq.heappop(waiting)
             if node in ways:
                 continue
             ways[node] = way
+            missing.discard(node)
             for edge in self._at[node]:
                 backwards = edge.to == node
                 other = edge.from_ if backwards else edge.to
@@ -133,22 +143,24 @@ class PoseGraph:
                     heapq.heappush(waiting, (length, next(order), other, longer))
         return ways
 
-    def optimise(self) -> None:
+    def optimise(self, *, is_settled: bool = False) -> None:
         """Move the poses to where all edges together are satisfied best (Levenberg-Marquardt,
         by GTSAM); a loop that contradicts the others has less say (Cauchy).
 
         Contradiction is judged ever more strictly, as before the first step even right loops
-        contradict the drift that they are there to undo (graduated non-convexity).
+        contradict the drift that they are there to undo (graduated non-convexity); strictly at
+        once where the graph is settled, so that no edge contradicts it much.
         """
         import gtsam  # slow to import, and most short logs have no loops
 
         values = gtsam.Values()
         for number, pose in enumerate(self.poses):
             values.insert(number, gtsam.Pose2(pose.x, pose.y, pose.theta))
-        for doubt in DOUBTS:
+        for doubt in DOUBTS[-1:] if is_settled else DOUBTS:
             values = gtsam.LevenbergMarquardtOptimizer(self._factors(doubt), values).optimize()
         found = [values.atPose2(number) for number in range(len(self.poses))]
         self.poses = [Pose2D(pose.x(), pose.y(), pose.theta()) for pose in found]
+        self._positions = None
 
     def _factors(self, doubt: float) -> Any:
         """The edges as GTSAM wants them, and that the first pose stays where it is."""
