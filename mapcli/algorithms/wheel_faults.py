@@ -1,0 +1,206 @@
+"""Wheels that are plainly wrong for seconds, and what the robot may be doing meanwhile.
+
+Wheels fail in few ways: they count backwards, or nothing while the robot goes on. Where a scan
+fixes the pose, the map shows that at once. Along a corridor one scan hardly tells, and odometry is
+believed. So each failure is followed as a rival of the hypothesis that is believed, and what
+speaks for it adds up from scan to scan until the other one must be wrong (the cumulative sum test
+of Page 1954). Three things speak: inertia, for no robot turns round between two scans; points of
+the scan where the map knows that nothing is; and how far the fit must leave what was predicted.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from mapcli.algorithms.dead_reckoning import Spread
+from mapcli.algorithms.match import Match
+from mapcli.algorithms.matching import ScanInMap
+from mapcli.model.pose import Pose2D
+
+Hypothesis = Literal["wheels", "reversed", "goes on"]
+
+HYPOTHESES: tuple[Hypothesis, ...] = "wheels", "reversed", "goes on"
+
+NEAR = 2.0
+"""Standard deviations of odometry within which two predictions say the same."""
+
+
+@dataclass(frozen=True)
+class FaultParameters:
+    """When wheels are taken to have failed. Evidence is in points of a scan, and a point that
+    contradicts counts as much as a nat of log-likelihood.
+
+    Attributes:
+        enough: evidence after which a failure is believed; enough_for_wheels: after which the
+            wheels are believed again.
+        least: evidence below which a rival is given up.
+        most: what inertia is worth at most.
+        expected: the share of the points that may contradict the map, as new things come into
+            sight.
+        far: standard deviations beyond which leaving the prediction costs no more.
+        overlap: a rival's scan overlaps the map by this share of what the other's does.
+        acceleration: metres per second squared, a standard deviation of what robots do.
+        shortest: seconds between scans that show an acceleration.
+        standing: metres per second below which wheels count nothing.
+    """
+
+    enough: float = 12.0
+    enough_for_wheels: float = 6.0
+    least: float = -10.0
+    most: float = 30.0
+    expected: float = 0.05
+    far: float = 3.0
+    overlap: float = 0.7
+    acceleration: float = 1.0
+    shortest: float = 0.05
+    standing: float = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """A hypothesis that parted from the believed one some scans ago.
+
+    Attributes:
+        evidence: what speaks for it, less what speaks for the believed one.
+        pose: where the robot would be.
+        motion: its motion since the scan before.
+    """
+
+    evidence: float
+    pose: Pose2D
+    motion: Pose2D
+
+
+class WheelFaults:
+    """What the robot may be doing (stateful: evidence adds up).
+
+    Attributes:
+        believed: the hypothesis that predicts the next pose.
+        rivals: the others that are followed.
+    """
+
+    def __init__(self, parameters: FaultParameters | None = None) -> None:
+        self.parameters = parameters or FaultParameters()
+        self.believed: Hypothesis = "wheels"
+        self.rivals: dict[Hypothesis, Rival] = {}
+        self._counted: Pose2D | None = None
+        self._motion = self._found = Pose2D()  # the last one, as predicted and as the map has it
+        self._stamp_ns, self._seconds, self._elapsed = 0, 0.0, 0.0
+        self._stands = True
+
+    def motion(self, stamp_ns: int, counted: Pose2D | None) -> Pose2D | None:
+        """What the robot did since the last scan, by the hypothesis that is believed; `counted` is
+        what the wheels say, None if nothing."""
+        self._elapsed, self._stamp_ns = (stamp_ns - self._stamp_ns) * 1e-9, stamp_ns
+        self._counted = counted
+        if counted is None:
+            self.believed, self.rivals, self._elapsed = "wheels", {}, 0.0
+            return None
+        self._stands = abs(counted.x) <= self.parameters.standing * self._elapsed
+        # A robot that stands may start anew; wheels that count have not stopped counting.
+        if self._stands if self.believed == "reversed" else not self._stands:
+            self.believed, self.rivals = "wheels", {}
+        return self._predict(self.believed, counted, self._found)
+
+    def _predict(self, hypothesis: Hypothesis, counted: Pose2D, last: Pose2D) -> Pose2D:
+        """A motion as a hypothesis has it, `last` the one before."""
+        if hypothesis == "wheels":
+            return counted
+        if hypothesis == "reversed":
+            return Pose2D(-counted.x, -counted.y, counted.theta)
+        share = min(self._elapsed / self._seconds, 2.0) if self._seconds > 0 else 0.0
+        return Pose2D(share * last.x, share * last.y, share * last.theta)
+
+    def weigh(self, before: Pose2D, spread: Spread, best: Match, scan: ScanInMap) -> Match:
+        """The best match of the believed hypothesis, or that of a rival that must be believed now.
+
+        Args:
+            before: where the robot was at the last scan; spread: how far odometry may err.
+        """
+        matches: dict[Hypothesis, Match] = {}
+        if self._counted is not None:
+            motion = self._predict(self.believed, self._counted, self._found)
+            predicted = before.compose(motion)
+            self._follow(before, self._counted, motion)
+            if any(_apart(predicted, rival.pose, spread) for rival in self.rivals.values()):
+                # What wheels usually err by is no failure: the search may have found the place.
+                near = not _apart(predicted, best.pose, spread, spread.reach)
+                stay = best if near else scan.next_to(predicted, spread)
+                matches = self._judge(stay, predicted, spread, scan)
+            self._motion = motion
+        self._found, self._seconds = before.between(best.pose), self._elapsed
+        return self._decide(matches) or best
+
+    def _follow(self, before: Pose2D, counted: Pose2D, motion: Pose2D) -> None:
+        """Move the rivals on, and let those begin that have more reason to begin now."""
+        for name in HYPOTHESES:
+            if name == self.believed or (name == "goes on" and not self._stands):
+                self.rivals.pop(name, None)
+                continue
+            parting = self._inertia(motion) - self._inertia(
+                self._predict(name, counted, self._found)
+            )
+            parting = max(-self.parameters.most, min(self.parameters.most, parting))
+            if name == "wheels":  # which usually are right
+                parting = max(self.parameters.least, parting)
+            rival = self.rivals.get(name)
+            if rival is None or rival.evidence < parting:
+                rival = Rival(parting, before, self._found)
+            moved = self._predict(name, counted, rival.motion)
+            self.rivals[name] = replace(rival, pose=rival.pose.compose(moved), motion=moved)
+            if rival.evidence < self.parameters.least:
+                del self.rivals[name]
+
+    def _inertia(self, motion: Pose2D) -> float:
+        """How unlikely a motion is after the last one (minus its log-likelihood)."""
+        p = self.parameters
+        if min(self._elapsed, self._seconds) < p.shortest:
+            return 0.0
+        change = motion.x / self._elapsed - self._motion.x / self._seconds
+        return (change / (self._elapsed + self._seconds) * 2 / p.acceleration) ** 2 / 2
+
+    def _judge(
+        self, stay: Match, predicted: Pose2D, spread: Spread, scan: ScanInMap
+    ) -> dict[Hypothesis, Match]:
+        """What the scan says of each rival; their matches."""
+        p, matches = self.parameters, {}
+        against, left = scan.contradictions(stay.pose), _left(predicted, stay.pose, spread, p.far)
+        for name, rival in list(self.rivals.items()):
+            match = scan.next_to(rival.pose, spread)
+            if match.overlap < p.overlap * stay.overlap:
+                del self.rivals[name]
+                continue
+            points = against - scan.contradictions(match.pose)
+            beyond = max(0.0, abs(points) - p.expected * stay.overlap)
+            evidence = rival.evidence + math.copysign(beyond, points)
+            evidence += left - _left(rival.pose, match.pose, spread, p.far)
+            self.rivals[name], matches[name] = (
+                replace(rival, evidence=evidence, pose=match.pose),
+                match,
+            )
+        return matches
+
+    def _decide(self, matches: dict[Hypothesis, Match]) -> Match | None:
+        """The match of the strongest rival, if it must be believed."""
+        if not matches:
+            return None
+        name = max(matches, key=lambda one: self.rivals[one].evidence)
+        p = self.parameters
+        if self.rivals[name].evidence < (p.enough_for_wheels if name == "wheels" else p.enough):
+            return None
+        self._motion = self._found = self.rivals[name].motion
+        self.believed, self.rivals = name, {}
+        return matches[name]
+
+
+def _left(predicted: Pose2D, found: Pose2D, spread: Spread, far: float) -> float:
+    """How unlikely it is that odometry errs so much (minus its log-likelihood, up to a limit)."""
+    return min(far, predicted.distance(found) / spread.xy) ** 2 / 2
+
+
+def _apart(one: Pose2D, other: Pose2D, spread: Spread, deviations: float = NEAR) -> bool:
+    """Whether two poses differ by more than odometry usually errs."""
+    turn = abs(one.between(other).theta)
+    return one.distance(other) > deviations * spread.xy or turn > deviations * spread.turn
