@@ -100,7 +100,7 @@ class WheelFaults:
             return None
         self._stands = abs(counted.x) <= self.parameters.standing * self._elapsed
         # A robot that stands may start anew; wheels that count have not stopped counting.
-        if self._stands if self.believed == "reversed" else not self._stands:
+        if self.believed == ("reversed" if self._stands else "goes on"):
             self.believed, self.rivals = "wheels", {}
         return self._predict(self.believed, counted, self._found)
 
@@ -125,10 +125,7 @@ class WheelFaults:
             predicted = before.compose(motion)
             self._follow(before, self._counted, motion)
             if any(_apart(predicted, rival.pose, spread) for rival in self.rivals.values()):
-                # What wheels usually err by is no failure: the search may have found the place.
-                near = not _apart(predicted, best.pose, spread, spread.reach)
-                stay = best if near else scan.next_to(predicted, spread)
-                matches = self._judge(stay, predicted, spread, scan)
+                matches = self._judge(predicted, best, spread, scan)
             self._motion = motion
         self._found, self._seconds = before.between(best.pose), self._elapsed
         return self._decide(matches) or best
@@ -162,13 +159,17 @@ class WheelFaults:
         return (change / (self._elapsed + self._seconds) * 2 / p.acceleration) ** 2 / 2
 
     def _judge(
-        self, stay: Match, predicted: Pose2D, spread: Spread, scan: ScanInMap
+        self, predicted: Pose2D, best: Match, spread: Spread, scan: ScanInMap
     ) -> dict[Hypothesis, Match]:
         """What the scan says of each rival; their matches."""
         p, matches = self.parameters, {}
+        # What wheels usually err by is no failure: the search may have found the place.
+        near = not _apart(predicted, best.pose, spread, spread.reach)
+        stay = best if near else scan.next_to(predicted, spread)
         against, left = scan.contradictions(stay.pose), _left(predicted, stay.pose, spread, p.far)
         for name, rival in list(self.rivals.items()):
-            match = scan.next_to(rival.pose, spread)
+            near = not _apart(rival.pose, best.pose, spread)
+            match = best if near else scan.next_to(rival.pose, spread)
             if match.overlap < p.overlap * stay.overlap:
                 del self.rivals[name]
                 continue
@@ -176,10 +177,8 @@ class WheelFaults:
             beyond = max(0.0, abs(points) - p.expected * stay.overlap)
             evidence = rival.evidence + math.copysign(beyond, points)
             evidence += left - _left(rival.pose, match.pose, spread, p.far)
-            self.rivals[name], matches[name] = (
-                replace(rival, evidence=evidence, pose=match.pose),
-                match,
-            )
+            self.rivals[name] = replace(rival, evidence=evidence, pose=match.pose)
+            matches[name] = match
         return matches
 
     def _decide(self, matches: dict[Hypothesis, Match]) -> Match | None:
