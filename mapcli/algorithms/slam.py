@@ -138,6 +138,7 @@ class Slam:
         """Keep what is needed when the log has ended."""
         if self.parameters.loops is None:
             return
+        self.track.amend(self.faults.way)
         self.track.add(pose, thinned(perception.hits, self.parameters.map.resolution))
         if in_map:
             self.track.add_keyframe(perception, match.information, self.parameters.odometry)

@@ -66,11 +66,13 @@ class Rival:
         evidence: what speaks for it, less what speaks for the believed one.
         pose: where the robot would be.
         motion: its motion since the scan before.
+        way: where it would have been at the scans since it parted, the last one not included.
     """
 
     evidence: float
     pose: Pose2D
     motion: Pose2D
+    way: tuple[Pose2D, ...] = ()
 
 
 class WheelFaults:
@@ -79,12 +81,15 @@ class WheelFaults:
     Attributes:
         believed: the hypothesis that predicts the next pose.
         rivals: the others that are followed.
+        way: after a rival came to be believed, where the robot was at the scans before the last,
+            which were thought to be elsewhere.
     """
 
     def __init__(self, parameters: FaultParameters | None = None) -> None:
         self.parameters = parameters or FaultParameters()
         self.believed: Hypothesis = "wheels"
         self.rivals: dict[Hypothesis, Rival] = {}
+        self.way: tuple[Pose2D, ...] = ()
         self._counted: Pose2D | None = None
         self._motion = self._found = Pose2D()  # the last one, as predicted and as the map has it
         self._stamp_ns, self._seconds, self._elapsed = 0, 0.0, 0.0
@@ -127,7 +132,7 @@ class WheelFaults:
             if any(_apart(predicted, rival.pose, spread) for rival in self.rivals.values()):
                 matches = self._judge(predicted, best, spread, scan)
             self._motion = motion
-        self._found, self._seconds = before.between(best.pose), self._elapsed
+        self._found, self._seconds, self.way = before.between(best.pose), self._elapsed, ()
         return self._decide(matches) or best
 
     def _follow(self, before: Pose2D, counted: Pose2D, motion: Pose2D) -> None:
@@ -145,6 +150,8 @@ class WheelFaults:
             rival = self.rivals.get(name)
             if rival is None or rival.evidence < parting:
                 rival = Rival(parting, before, self._found)
+            else:
+                rival = replace(rival, way=(*rival.way, rival.pose))
             moved = self._predict(name, counted, rival.motion)
             self.rivals[name] = replace(rival, pose=rival.pose.compose(moved), motion=moved)
             if rival.evidence < self.parameters.least:
@@ -190,6 +197,7 @@ class WheelFaults:
         if self.rivals[name].evidence < (p.enough_for_wheels if name == "wheels" else p.enough):
             return None
         self._motion = self._found = self.rivals[name].motion
+        self.way = self.rivals[name].way
         self.believed, self.rivals = name, {}
         return matches[name]
 
