@@ -27,6 +27,10 @@ NEAR = 2.0
 """Standard deviations of odometry within which two predictions say the same."""
 
 
+KNOWN_MEMORY = 0.05
+"""The weight of the newest scan in the running mean of how much of a scan the map knows."""
+
+
 @dataclass(frozen=True)
 class FaultParameters:
     """When wheels are taken to have failed. Evidence is in points of a scan, and a point that
@@ -39,6 +43,7 @@ class FaultParameters:
         most: what inertia is worth at most.
         expected: the share of the points that may contradict the map, as new things come into
             sight.
+        unknown: what a point counts that lies on ground the map does not know, beyond the usual.
         far: standard deviations beyond which leaving the prediction costs no more.
         overlap: a rival's scan overlaps the map by this share of what the other's does.
         acceleration: metres per second squared, a standard deviation of what robots do.
@@ -51,6 +56,7 @@ class FaultParameters:
     least: float = -10.0
     most: float = 30.0
     expected: float = 0.05
+    unknown: float = 0.5
     far: float = 3.0
     overlap: float = 0.7
     acceleration: float = 1.0
@@ -93,7 +99,7 @@ class WheelFaults:
         self._counted: Pose2D | None = None
         self._motion = self._found = Pose2D()  # the last one, as predicted and as the map has it
         self._stamp_ns, self._seconds, self._elapsed = 0, 0.0, 0.0
-        self._stands = True
+        self._stands, self._known = True, 0.0
 
     def motion(self, stamp_ns: int, counted: Pose2D | None) -> Pose2D | None:
         """What the robot did since the last scan, by the hypothesis that is believed; `counted` is
@@ -132,6 +138,9 @@ class WheelFaults:
             if any(_apart(predicted, rival.pose, spread) for rival in self.rivals.values()):
                 matches = self._judge(predicted, best, spread, scan)
             self._motion = motion
+        if best.found:
+            share = best.overlap / len(scan.points)
+            self._known += KNOWN_MEMORY * (share - self._known)
         self._found, self._seconds, self.way = before.between(best.pose), self._elapsed, ()
         return self._decide(matches) or best
 
@@ -173,20 +182,27 @@ class WheelFaults:
         # What wheels usually err by is no failure: the search may have found the place.
         near = not _apart(predicted, best.pose, spread, spread.reach)
         stay = best if near else scan.next_to(predicted, spread)
-        against, left = scan.contradictions(stay.pose), _left(predicted, stay.pose, spread, p.far)
+        against, left = self._against(stay, scan), _left(predicted, stay.pose, spread, p.far)
         for name, rival in list(self.rivals.items()):
             near = not _apart(rival.pose, best.pose, spread)
             match = best if near else scan.next_to(rival.pose, spread)
             if match.overlap < p.overlap * stay.overlap:
                 del self.rivals[name]
                 continue
-            points = against - scan.contradictions(match.pose)
+            points = against - self._against(match, scan)
             beyond = max(0.0, abs(points) - p.expected * stay.overlap)
             evidence = rival.evidence + math.copysign(beyond, points)
             evidence += left - _left(rival.pose, match.pose, spread, p.far)
             self.rivals[name] = replace(rival, evidence=evidence, pose=match.pose)
             matches[name] = match
         return matches
+
+    def _against(self, match: Match, scan: ScanInMap) -> float:
+        """Points that speak against a match."""
+        usual = self._known * len(scan.points)
+        return scan.contradictions(match.pose) + self.parameters.unknown * max(
+            0.0, usual - match.overlap
+        )
 
     def _decide(self, matches: dict[Hypothesis, Match]) -> Match | None:
         """The match of the strongest rival, if it must be believed."""
