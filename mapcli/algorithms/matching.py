@@ -80,10 +80,7 @@ class ScanInMap:
     """
 
     def __init__(
-        self,
-        grid: OccupancyGrid,
-        perception: Perception,
-        parameters: MatchParameters,
+        self, grid: OccupancyGrid, perception: Perception, parameters: MatchParameters
     ) -> None:
         self.grid, self.parameters = grid, parameters
         self.points = thinned(perception.hits, grid.parameters.resolution)

@@ -60,7 +60,7 @@ class Slam:
     Attributes:
         current: m, the current map, and when it is updated.
         pose: c, the current position; the first scan is taken at the start pose.
-        odometry: what the wheels say.
+        odometry: what the wheels say; faults: whether they can be believed.
         track: all poses until now.
     """
 
@@ -77,6 +77,8 @@ class Slam:
         self._is_lost, self._tries = known is not None and start is None, 0
         self.odometry = DeadReckoning(p.odometry, p.calibration)
         self.faults = WheelFaults(p.faults)
+        # A map that remembers old laps is at odds with the right pose as well.
+        self._tells_faults = p.match.search == "window" and p.current.most_m is not None
         self.track = Track()
         self._lately, self._has_begun = Lately(0.9), False
 
@@ -103,8 +105,9 @@ class Slam:
         elif not first or self._is_continued:  # 5-8: the best test position around n
             spread = self.odometry.spread(motion)
             b = best_pose(self.map, p, n, spread, self.parameters.match, self._lately)
-            if self.parameters.match.search == "window":
-                b = self.faults.weigh(c, spread, b, ScanInMap(self.map, p, self.parameters.match))
+            if self._tells_faults:
+                near = ScanInMap(self.map, p, self.parameters.match)
+                b = self.faults.weigh(c, spread, b, near, self._lately.score)
             self._learn(c, b)
         n = b.pose  # 9: replace new position by best position
         in_map = not self._is_lost and self.current.update(n, p)  # 10: update map based on it

@@ -31,10 +31,14 @@ KNOWN_MEMORY = 0.05
 """The weight of the newest scan in the running mean of how much of a scan the map knows."""
 
 
+MOST_SCANS = 200
+"""After so many scans a rival has had its chance: wheels fail for seconds."""
+
+
 @dataclass(frozen=True)
 class FaultParameters:
-    """When wheels are taken to have failed. Evidence is in points of a scan, and a point that
-    contradicts counts as much as a nat of log-likelihood.
+    """When wheels are taken to have failed. Evidence is in points of a scan; a point at odds with
+    the map counts as much as a nat of log-likelihood.
 
     Attributes:
         enough: evidence after which a failure is believed; enough_for_wheels: after which the
@@ -46,8 +50,11 @@ class FaultParameters:
         unknown: what a point counts that lies on ground the map does not know, beyond the usual.
         far: standard deviations beyond which leaving the prediction costs no more.
         overlap: a rival's scan overlaps the map by this share of what the other's does.
+        fits: the share of the usual agreement below which a rival fits the map no better than
+            chance, and is not believed.
         acceleration: metres per second squared, a standard deviation of what robots do.
-        shortest: seconds between scans that show an acceleration.
+        jitter: metres by which the count of one step is off anyway.
+        shortest: seconds between stamps that are not just two scans read out at once.
         standing: metres per second below which wheels count nothing.
     """
 
@@ -59,8 +66,10 @@ class FaultParameters:
     unknown: float = 0.5
     far: float = 3.0
     overlap: float = 0.7
+    fits: float = 0.6
     acceleration: float = 1.0
-    shortest: float = 0.05
+    jitter: float = 0.005
+    shortest: float = 0.02
     standing: float = 0.05
 
 
@@ -124,11 +133,14 @@ class WheelFaults:
         share = min(self._elapsed / self._seconds, 2.0) if self._seconds > 0 else 0.0
         return Pose2D(share * last.x, share * last.y, share * last.theta)
 
-    def weigh(self, before: Pose2D, spread: Spread, best: Match, scan: ScanInMap) -> Match:
+    def weigh(
+        self, before: Pose2D, spread: Spread, best: Match, scan: ScanInMap, usual: float
+    ) -> Match:
         """The best match of the believed hypothesis, or that of a rival that must be believed now.
 
         Args:
-            before: where the robot was at the last scan; spread: how far odometry may err.
+            before: where the robot was at the last scan; spread: how far odometry may err;
+                usual: the agreement that is usual in this log.
         """
         matches: dict[Hypothesis, Match] = {}
         if self._counted is not None:
@@ -142,37 +154,38 @@ class WheelFaults:
             share = best.overlap / len(scan.points)
             self._known += KNOWN_MEMORY * (share - self._known)
         self._found, self._seconds, self.way = before.between(best.pose), self._elapsed, ()
-        return self._decide(matches) or best
+        return self._decide(matches, self.parameters.fits * usual) or best
 
     def _follow(self, before: Pose2D, counted: Pose2D, motion: Pose2D) -> None:
         """Move the rivals on, and let those begin that have more reason to begin now."""
         for name in HYPOTHESES:
+            rival = self.rivals.pop(name, None)
             if name == self.believed or (name == "goes on" and not self._stands):
-                self.rivals.pop(name, None)
                 continue
-            parting = self._inertia(motion) - self._inertia(
-                self._predict(name, counted, self._found)
-            )
-            parting = max(-self.parameters.most, min(self.parameters.most, parting))
-            if name == "wheels":  # which usually are right
-                parting = max(self.parameters.least, parting)
-            rival = self.rivals.get(name)
-            if rival is None or rival.evidence < parting:
-                rival = Rival(parting, before, self._found)
+            reason = self._reason(name, counted, motion)
+            if rival is None or rival.evidence < reason or len(rival.way) == MOST_SCANS:
+                rival = Rival(reason, before, self._found)
             else:
                 rival = replace(rival, way=(*rival.way, rival.pose))
-            moved = self._predict(name, counted, rival.motion)
-            self.rivals[name] = replace(rival, pose=rival.pose.compose(moved), motion=moved)
-            if rival.evidence < self.parameters.least:
-                del self.rivals[name]
+            if rival.evidence >= self.parameters.least:
+                moved = self._predict(name, counted, rival.motion)
+                self.rivals[name] = replace(rival, pose=rival.pose.compose(moved), motion=moved)
+
+    def _reason(self, name: Hypothesis, counted: Pose2D, motion: Pose2D) -> float:
+        """What inertia says for a rival that begins now, against the motion that is believed."""
+        p, other = self.parameters, self._predict(name, counted, self._found)
+        reason = self._inertia(motion) - self._inertia(other)
+        # Wheels usually are right, so they get a chance whatever inertia says.
+        return min(p.most, max(p.least if name == "wheels" else -p.most, reason))
 
     def _inertia(self, motion: Pose2D) -> float:
         """How unlikely a motion is after the last one (minus its log-likelihood)."""
-        p = self.parameters
+        p, seconds = self.parameters, (self._elapsed + self._seconds) / 2
         if min(self._elapsed, self._seconds) < p.shortest:
             return 0.0
         change = motion.x / self._elapsed - self._motion.x / self._seconds
-        return (change / (self._elapsed + self._seconds) * 2 / p.acceleration) ** 2 / 2
+        usual = math.hypot(p.acceleration * seconds, math.sqrt(2) * p.jitter / seconds)
+        return (change / usual) ** 2 / 2
 
     def _judge(
         self, predicted: Pose2D, best: Match, spread: Spread, scan: ScanInMap
@@ -199,23 +212,23 @@ class WheelFaults:
 
     def _against(self, match: Match, scan: ScanInMap) -> float:
         """Points that speak against a match."""
-        usual = self._known * len(scan.points)
-        return scan.contradictions(match.pose) + self.parameters.unknown * max(
-            0.0, usual - match.overlap
-        )
+        unknown = max(0.0, self._known * len(scan.points) - match.overlap)
+        return scan.contradictions(match.pose) + self.parameters.unknown * unknown
 
-    def _decide(self, matches: dict[Hypothesis, Match]) -> Match | None:
-        """The match of the strongest rival, if it must be believed."""
+    def _decide(self, matches: dict[Hypothesis, Match], low: float) -> Match | None:
+        """The match of the strongest rival, if it must be believed; none below this score."""
         if not matches:
             return None
         name = max(matches, key=lambda one: self.rivals[one].evidence)
-        p = self.parameters
-        if self.rivals[name].evidence < (p.enough_for_wheels if name == "wheels" else p.enough):
+        p, match = self.parameters, matches[name]
+        enough = p.enough_for_wheels if name == "wheels" else p.enough
+        fits = not match.found or match.score >= low
+        if self.rivals[name].evidence < enough or not fits:
             return None
         self._motion = self._found = self.rivals[name].motion
         self.way = self.rivals[name].way
         self.believed, self.rivals = name, {}
-        return matches[name]
+        return match
 
 
 def _left(predicted: Pose2D, found: Pose2D, spread: Spread, far: float) -> float:
