@@ -20,6 +20,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mapcli.algorithms.drive import MotionLimits, plan_drive
+from mapcli.model.waypoint import Waypoint
+
 MAPCLI = Path(sys.executable).parent / "mapcli"
 
 Point = tuple[float, float]
@@ -33,11 +36,13 @@ SLOW_LASER = ["--scan-rate", "4", "--beams", "180", "--speed", "1"]
 
 @dataclass
 class World:
-    """Polygons, waypoints and options of the simulator."""
+    """Polygons, waypoints and options of the simulator; waypoints that are reached in reverse,
+    with wheels that count backwards then, by their index."""
 
     polygons: list[Polygon] = field(default_factory=list)
     path: list[Point] = field(default_factory=list)
     options: list[str] = field(default_factory=list)
+    back: set[int] = field(default_factory=set)
 
 
 def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
@@ -148,6 +153,42 @@ def hall() -> World:
     return World(polygons, path, [*SLOW_LASER, *BAD_WHEELS, "--range-max", "10"])
 
 
+def backing_up() -> World:
+    """A ring of 140 m; four times the robot backs up for 6 to 8 m."""
+    world = ring(45, 25, (2, 8), 1, [*BAD_WHEELS, "--fov-deg", "180", "--range-max", "12"], 42)
+    c, w, h = 1.2, 43.8, 23.8
+    world.path = [
+        (c, c), (20, c), (14, c), (w, c), (w, 15), (w, 8), (w, h), (20, h), (26, h), (c, h), (c, c),
+        (30, c), (22, c), (w, c), (w, h), (c, h), (c, c), (20, c),
+    ]  # fmt: skip
+    world.back = {2, 5, 8, 12}
+    return world
+
+
+def dead_ends() -> World:
+    """Buildings and posts; the robot backs out of three dead ends for 8, 13 and 20 m."""
+    rng, polygons = random.Random(31), []
+    for i in range(5):
+        for j in range(3):
+            x, y = 35 * i, 35 * j
+            if rng.random() < 0.85:
+                w, h = rng.uniform(8, 18), rng.uniform(8, 18)
+                low = x + 8 + rng.uniform(0, 4), y + 8 + rng.uniform(0, 4)
+                polygons.append(box(*low, low[0] + w, low[1] + h))
+            for _ in range(3):
+                px, py = x + rng.uniform(3, 7), y + rng.uniform(8, 30)
+                polygons.append(box(px, py, px + 0.4, py + 0.4))
+    path = [(0, 0), (60, 0), (70, 0), (62, 0), (70, 0), (105, 0), (105, 35), (105, 50), (105, 37),
+            (105, 35), (70, 35), (35, 35), (0, 35), (0, 60), (0, 40), (0, 35), (0, 0), (35, 0),
+            (35, 35), (35, 70), (105, 70), (105, 35), (70, 35)]  # fmt: skip
+    options = ["--scan-rate", "4", "--speed", "1.2", "--beams", "360", "--range-max", "20"]
+    return World(polygons, path, [*options, *BAD_WHEELS], {3, 8, 14})
+
+
+def faults(*kinds: str) -> list[str]:
+    return [word for kind in kinds for word in ("--odom-fault", kind)]
+
+
 WORLDS: dict[str, Callable[[], World]] = {
     "ring of 200 m, twice": lambda: ring(
         60, 40, (4, 12), 2, [*BAD_WHEELS, "--fov-deg", "180", "--range-max", "20"], 1
@@ -157,14 +198,43 @@ WORLDS: dict[str, Callable[[], World]] = {
     ),
     "ring of 140 m, wheels backwards for 6 s and 5 s": lambda: ring(
         40, 30, (3, 9), 2,
-        [*BAD_WHEELS, "--fov-deg", "270", "--range-max", "10", "--odom-fault",
-         "reverse-sign@30-36", "--odom-fault", "reverse-sign@120-125"], 11,
+        [*BAD_WHEELS, "--fov-deg", "270", "--range-max", "10",
+         *faults("reverse-sign@30-36", "reverse-sign@120-125")], 11,
     ),
+    "ring of 160 m, 30 m of sight, wheels backwards for 4 s, 3 s and 6 s": lambda: ring(
+        50, 30, (2, 8), 2,
+        [*BAD_WHEELS, "--fov-deg", "180", "--range-max", "30",
+         *faults("reverse-sign@20-24", "reverse-sign@100-103", "reverse-sign@200-206")], 21,
+    ),
+    "ring of 140 m, wheels count nothing for 5 s and 3 s": lambda: ring(
+        45, 25, (2, 8), 2,
+        [*BAD_WHEELS, "--fov-deg", "180", "--range-max", "15",
+         *faults("freeze@20-25", "freeze@150-153")], 24,
+    ),
+    "ring of 140 m, wheels slip for 5 s and 4 s": lambda: ring(
+        45, 25, (2, 8), 2,
+        [*BAD_WHEELS, "--fov-deg", "180", "--range-max", "15",
+         *faults("slip@20-25", "slip@150-154")], 23,
+    ),
+    "ring of 140 m, wheels backwards while backing up": backing_up,
+    "dead ends on a campus, wheels backwards while backing up": dead_ends,
     "rooms that are all alike": rooms,
     "campus of 1.2 km": campus,
     "corridor of 200 m, there and back": corridor,
     "hall of 60 m by 40 m": hall,
 }  # fmt: skip
+
+
+def backwards(ways: list[Waypoint], options: list[str]) -> list[str]:
+    """Wheels that count backwards while the robot does."""
+    speed = float(options[options.index("--speed") + 1])
+    drive, kinds, begin = plan_drive(ways, MotionLimits(speed=speed)), [], 0.0
+    for piece, profile in zip(drive.pieces, drive.profiles, strict=True):
+        end = begin + profile.duration
+        if piece.distance < 0:
+            kinds.append(f"reverse-sign@{begin:.2f}-{end:.2f}")
+        begin = end
+    return faults(*kinds)
 
 
 def simulate(world: World, folder: Path) -> Path:
@@ -174,8 +244,10 @@ def simulate(world: World, folder: Path) -> Path:
         "polygons:\n" + "".join(f"  - {[list(p) for p in q]}\n" for q in world.polygons)
     )
     path = folder / "path.txt"
-    path.write_text("".join(f"{x} {y}\n" for x, y in world.path))
-    command = [MAPCLI, "simulate", "-q", text, "--path", path, *world.options, log]
+    ways = [Waypoint(x, y, back=k in world.back) for k, (x, y) in enumerate(world.path)]
+    path.write_text("".join(f"{w.x} {w.y}{' back' if w.back else ''}\n" for w in ways))
+    options = [*world.options, *backwards(ways, world.options)]
+    command = [MAPCLI, "simulate", "-q", text, "--path", path, *options, log]
     subprocess.run(command, check=True)
     return log
 

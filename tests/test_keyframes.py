@@ -58,6 +58,20 @@ def test_a_track_counts_metres_between_keyframes() -> None:
         assert frame.covariance == pytest.approx(step_covariance(a.between(b), None, WHEELS))
 
 
+def test_the_last_scans_are_amended() -> None:
+    track = winding(21, every=5)
+    before, poses = list(track.keyframes), list(track.poses)
+    moved = [Pose2D(pose.x + 1, pose.y, pose.theta) for pose in poses[8:]]
+    track.amend(moved)
+    assert track.poses == [*poses[:8], *moved]
+    assert track.keyframes[:2] == before[:2]  # of scans 0 and 5
+    assert [frame.pose for frame in track.keyframes[2:]] == [moved[2], moved[7], moved[12]]
+    lengths = [a.pose.distance(b.pose) for a, b in pairwise(track.keyframes)]
+    assert [frame.metres for frame in track.keyframes] == pytest.approx(np.cumsum([0, *lengths]))
+    track.amend([])
+    assert track.poses == [*poses[:8], *moved]
+
+
 # --- split
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from mapcli.algorithms.dead_reckoning import OdometryModel, Spread
 from mapcli.algorithms.match import Match, MatchParameters
-from mapcli.algorithms.matching import FIFTEEN, best_of_fifteen, best_pose, thinned
+from mapcli.algorithms.matching import FIFTEEN, ScanInMap, best_of_fifteen, best_pose, thinned
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.raycast import cast, edges_of
@@ -80,6 +80,27 @@ def test_the_spread_by_hand() -> None:
     assert spread.metres == pytest.approx(5)
     assert model.spread(Pose2D()) == Spread(0.01, math.radians(1), 0)
     assert model.spread(None) == Spread(0.4, math.radians(30), 0, reach=2)
+
+
+# --- a scan at this pose or that
+
+
+def test_contradictions_by_hand() -> None:
+    # The right wall of the room is 4.04 m ahead; a beam has passed 1.5 m ahead.
+    here, ends = Pose2D(), [(4.04, 0.0), (1.5, 0.0), (4.9, 0.0)]
+    scan = ScanInMap(mapped(here), seen(ends), MatchParameters())
+    assert scan.contradictions(here) == 1  # nothing is known beyond the wall
+    assert scan.contradictions(Pose2D(-0.86)) == 2  # now the farthest point is the wall
+    assert ScanInMap(mapped(here), seen([]), MatchParameters()).contradictions(here) == 0
+
+
+def test_next_to_searches_nothing() -> None:
+    scan = ScanInMap(mapped(), look(HERE), MatchParameters())
+    assert_at(scan.next_to(moved(HERE, 0.05, 0.03, 1), WIDE), HERE)
+    far = moved(HERE, 0.6, 0.0)
+    assert scan.next_to(far, NARROW).pose.distance(far) < 0.3
+    few = ScanInMap(mapped(), seen([(1, 1)]), MatchParameters())
+    assert few.next_to(far, NARROW) == Match(far, 0.0, 0, found=False)
 
 
 # --- window

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, bisect_right
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -57,6 +58,18 @@ class Track:
         """The next scan."""
         self.poses.append(pose)
         self.points.append(points.astype(np.float32))
+
+    def amend(self, poses: Sequence[Pose2D]) -> None:
+        """The last scans were taken at these poses."""
+        first = len(self.poses) - len(poses)
+        self.poses[first:] = poses
+        for k in range(len(self.keyframes)):
+            if self.keyframes[k].scan >= first:
+                pose, metres = self.poses[self.keyframes[k].scan], 0.0
+                if k:
+                    last = self.keyframes[k - 1]
+                    metres = last.metres + last.pose.distance(pose)
+                self.keyframes[k] = replace(self.keyframes[k], pose=pose, metres=metres)
 
     def add_keyframe(
         self, perception: Perception, match: NDArray[np.float64] | None, wheels: OdometryModel

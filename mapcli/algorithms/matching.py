@@ -43,6 +43,9 @@ NEAR_CELLS, NEAR_TURN = 4.0, math.radians(5)
 SHARES = 0.4, 1.0
 """Of the window: what is searched first, since odometry seldom errs by all that it may."""
 
+NO_WALL = 0.2 * kernels.FULL
+"""The likelihood field where a beam's end is at odds with the walls, two deviations from them."""
+
 FIFTEEN = neighbours(STEPS, TURNS_DEG)
 """The poses of Sect. 9.5."""
 
@@ -70,6 +73,38 @@ def best_pose(
 def thinned(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
     """One point per square of side `cell`, so that near walls do not outvote far ones."""
     return points[kernels.thin(points, cell)]
+
+
+class ScanInMap:
+    """A scan held against a map at this pose or that, without a search.
+
+    Attributes:
+        grid: the map; points: the scan's, in the robot's frame.
+    """
+
+    def __init__(
+        self, grid: OccupancyGrid, perception: Perception, parameters: MatchParameters
+    ) -> None:
+        self.grid, self.parameters = grid, parameters
+        self.points = thinned(perception.hits, grid.parameters.resolution)
+
+    def next_to(self, predicted: Pose2D, spread: Spread) -> Match:
+        """The match next to a predicted pose, or that pose where the scan says nothing."""
+        if len(self.points) < self.parameters.fewest:
+            return Match(predicted, 0.0, 0, found=False)
+        window = _Window(self.grid, self.points, predicted, spread, self.parameters)
+        match = window.next_to()
+        return match if match.found else replace(match, pose=predicted)
+
+    def contradictions(self, pose: Pose2D) -> int:
+        """Points in cells that the map knows, and knows no wall near."""
+        seen = pose.apply(self.points)
+        if not len(seen):
+            return 0
+        self.grid.cover(seen.min(axis=0), seen.max(axis=0))
+        u, v = np.floor(self.grid.to_cells(seen)).astype(np.int64).T
+        known = self.grid.log_odds[v, u] != 0
+        return int((known & (self.grid.fields[0, v, u] < NO_WALL)).sum())
 
 
 class _Window:
@@ -115,6 +150,11 @@ class _Window:
             # it was taken before; odometry knows better unless the map contradicts.
             best = stay
         return best if best.found else replace(best, pose=self.predicted)
+
+    def next_to(self) -> Match:
+        """The best pose beside the predicted one."""
+        self._cover(FARTHEST_REFINEMENT * self.cell, NEAR_TURN)
+        return self._settle(self.predicted)
 
     def _is_trusted(self, match: Match, usual_score: float) -> bool:
         """Whether the pose next to the odometry's fits as well as any, so that none need be

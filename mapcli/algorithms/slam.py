@@ -18,10 +18,11 @@ from mapcli.algorithms.keyframes import Track
 from mapcli.algorithms.locate import locate
 from mapcli.algorithms.loops import LoopParameters
 from mapcli.algorithms.match import Lately, Match, MatchParameters
-from mapcli.algorithms.matching import best_pose, thinned
+from mapcli.algorithms.matching import ScanInMap, best_pose, thinned
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.odometry import odometry_at_scans
 from mapcli.algorithms.perception import Perception, PerceptionParameters, perceive
+from mapcli.algorithms.wheel_faults import FaultParameters, WheelFaults
 from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan, Record
@@ -45,6 +46,7 @@ class SlamParameters:
     odometry: OdometryModel = field(default_factory=OdometryModel)
     calibration: CalibrationParameters = field(default_factory=CalibrationParameters)
     match: MatchParameters = field(default_factory=MatchParameters)
+    faults: FaultParameters = field(default_factory=FaultParameters)
     loops: LoopParameters | None = field(default_factory=LoopParameters)
     refine: RefineParameters = field(default_factory=RefineParameters)
 
@@ -58,7 +60,7 @@ class Slam:
     Attributes:
         current: m, the current map, and when it is updated.
         pose: c, the current position; the first scan is taken at the start pose.
-        odometry: what the wheels say.
+        odometry: what the wheels say; faults: whether they can be believed.
         track: all poses until now.
     """
 
@@ -74,6 +76,9 @@ class Slam:
         self._is_continued = known is not None
         self._is_lost, self._tries = known is not None and start is None, 0
         self.odometry = DeadReckoning(p.odometry, p.calibration)
+        self.faults = WheelFaults(p.faults)
+        # A map that remembers old laps is at odds with the right pose as well.
+        self._tells_faults = p.match.search == "window" and p.current.most_m is not None
         self.track = Track()
         self._lately, self._has_begun = Lately(0.9), False
 
@@ -90,7 +95,8 @@ class Slam:
     def step(self, scan: RangeScan, odom: Pose2D | None) -> TracedPose:
         """One turn of the book's loop for a scan, with the odometry's pose at its stamp."""
         first, c = not self._has_begun, self.pose
-        motion = self.odometry.motion(scan.stamp_ns, odom)  # 2: the robot has moved a little
+        counted = self.odometry.motion(scan.stamp_ns, odom)  # 2: the robot has moved a little
+        motion = self.faults.motion(scan.stamp_ns, counted)
         n = c.compose(motion or Pose2D())  # 3: new position based on odometry
         p = perceive(scan, self.parameters.perception)  # 4: analyze sensor data
         b = Match(n, 0.0, 0, found=False)
@@ -99,6 +105,9 @@ class Slam:
         elif not first or self._is_continued:  # 5-8: the best test position around n
             spread = self.odometry.spread(motion)
             b = best_pose(self.map, p, n, spread, self.parameters.match, self._lately)
+            if self._tells_faults:
+                near = ScanInMap(self.map, p, self.parameters.match)
+                b = self.faults.weigh(c, spread, b, near, self._lately.score)
             self._learn(c, b)
         n = b.pose  # 9: replace new position by best position
         in_map = not self._is_lost and self.current.update(n, p)  # 10: update map based on it
@@ -124,13 +133,15 @@ class Slam:
         usual = self._lately.score
         if match.found:
             usual += SCORE_MEMORY * (match.score - usual)
-            self.odometry.learn(before.between(match.pose), match.information)
+            if self.faults.believed == "wheels":
+                self.odometry.learn(before.between(match.pose), match.information)
         self._lately = Lately(usual, match.doubtful)
 
     def _record(self, perception: Perception, pose: Pose2D, match: Match, *, in_map: bool) -> None:
         """Keep what is needed when the log has ended."""
         if self.parameters.loops is None:
             return
+        self.track.amend(self.faults.way)
         self.track.add(pose, thinned(perception.hits, self.parameters.map.resolution))
         if in_map:
             self.track.add_keyframe(perception, match.information, self.parameters.odometry)
