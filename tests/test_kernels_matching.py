@@ -267,13 +267,15 @@ def test_overlap_as_its_twin(seed: int, n: int) -> None:
     log_odds = walls(rng, 12)
     field, points = fields_of(log_odds)[0], scan_around(rng, log_odds, n)
     pose = np.array([*rng.uniform(MIDDLE - 6, MIDDLE + 6, 2), rng.uniform(-4, 4)])
-    values = []
+    values, contradicted = [], 0
     for point in points:
         u, v = (floor(x) for x in place(point, pose))
         if log_odds[v, u] != 0 or field[v, u] != 0:
             values.append(int(field[v, u]) / 255)
-    known, agreement = kernels.overlap(log_odds, field, points, pose)
+            contradicted += bool(log_odds[v, u] and values[-1] < 0.2)
+    known, agreement, against = kernels.overlap(log_odds, field, points, pose)
     assert known == len(values)
+    assert against == contradicted
     assert agreement == pytest.approx(sum(values) / len(values) if values else 0.0)
 
 
@@ -282,6 +284,7 @@ def test_overlap_by_hand() -> None:
     log_odds[2, 2:5] = [-9, 9, 9]
     field[2, 2:6] = [0, 255, 51, 102]  # the last is unknown, beside a wall
     points = np.column_stack([np.arange(8.0), np.zeros(8)]) + 0.5
-    known, agreement = kernels.overlap(log_odds, field, points, np.array([0.0, 2.0, 0.0]))
+    known, agreement, against = kernels.overlap(log_odds, field, points, np.array([0.0, 2.0, 0.0]))
     assert known == 4
+    assert against == 1  # 51 is as near to a wall as may be
     assert agreement == pytest.approx((0 + 1 + 0.2 + 0.4) / 4)

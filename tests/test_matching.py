@@ -88,10 +88,9 @@ def test_the_spread_by_hand() -> None:
 def test_contradictions_by_hand() -> None:
     # The right wall of the room is 4.04 m ahead; a beam has passed 1.5 m ahead.
     here, ends = Pose2D(), [(4.04, 0.0), (1.5, 0.0), (4.9, 0.0)]
-    scan = ScanInMap(mapped(here), seen(ends), MatchParameters())
-    assert scan.contradictions(here) == 1  # nothing is known beyond the wall
-    assert scan.contradictions(Pose2D(-0.86)) == 2  # now the farthest point is the wall
-    assert ScanInMap(mapped(here), seen([]), MatchParameters()).contradictions(here) == 0
+    scan = ScanInMap(mapped(here), seen(ends), MatchParameters(fewest=1, refine=False))
+    assert scan.next_to(here, NARROW).against == 1  # nothing is known beyond the wall
+    assert scan.next_to(Pose2D(-0.86), NARROW).against == 2  # now the farthest is the wall
 
 
 def test_next_to_searches_nothing() -> None:

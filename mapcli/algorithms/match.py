@@ -75,6 +75,7 @@ class Match:
         found: whether the scan could say anything; otherwise the pose is the odometry's.
         information: shape (3, 3), how well the map alone fixes the pose, in the robot's frame:
             the inverse of a covariance of metres and radians; None where it was not asked.
+        against: points of the scan where the map knows that there is no wall.
         doubtful: another pose, far from the odometry's, agrees clearly better with the map.
     """
 
@@ -83,6 +84,7 @@ class Match:
     overlap: int
     found: bool
     information: NDArray[np.float64] | None = None
+    against: int = 0
     doubtful: bool = False
 
 

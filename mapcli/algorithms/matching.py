@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,9 +44,6 @@ NEAR_CELLS, NEAR_TURN = 4.0, math.radians(5)
 SHARES = 0.4, 1.0
 """Of the window: what is searched first, since odometry seldom errs by all that it may."""
 
-NO_WALL = 0.2 * kernels.FULL
-"""The likelihood field where a beam's end is at odds with the walls, two deviations from them."""
-
 FIFTEEN = neighbours(STEPS, TURNS_DEG)
 """The poses of Sect. 9.5."""
 
@@ -64,7 +62,7 @@ def best_pose(
     """
     if parameters.search == "book":
         return best_of_fifteen(grid, perception, predicted, parameters.similarity)
-    points = thinned(perception.hits, grid.parameters.resolution)
+    points = points_of(perception, grid.parameters.resolution)
     if parameters.search == "none" or len(points) < parameters.fewest:
         return Match(predicted, 0.0, 0, found=False)
     return _Window(grid, points, predicted, spread, parameters).best(lately or Lately())
@@ -73,6 +71,12 @@ def best_pose(
 def thinned(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
     """One point per square of side `cell`, so that near walls do not outvote far ones."""
     return points[kernels.thin(points, cell)]
+
+
+@lru_cache(maxsize=1)
+def points_of(perception: Perception, cell: float) -> NDArray[np.float64]:
+    """The hits of a scan, thinned; the last scan's are kept, since they are asked for again."""
+    return thinned(perception.hits, cell)
 
 
 class ScanInMap:
@@ -86,25 +90,24 @@ class ScanInMap:
         self, grid: OccupancyGrid, perception: Perception, parameters: MatchParameters
     ) -> None:
         self.grid, self.parameters = grid, parameters
-        self.points = thinned(perception.hits, grid.parameters.resolution)
+        self.points = points_of(perception, grid.parameters.resolution)
+
+    def contradictions(self, pose: Pose2D, spread: Spread) -> int:
+        """Points where the map knows that there is no wall."""
+        return self._window(pose, spread).at_once().against if self._says_something() else 0
 
     def next_to(self, predicted: Pose2D, spread: Spread) -> Match:
         """The match next to a predicted pose, or that pose where the scan says nothing."""
-        if len(self.points) < self.parameters.fewest:
+        if not self._says_something():
             return Match(predicted, 0.0, 0, found=False)
-        window = _Window(self.grid, self.points, predicted, spread, self.parameters)
-        match = window.next_to()
+        match = self._window(predicted, spread).next_to()
         return match if match.found else replace(match, pose=predicted)
 
-    def contradictions(self, pose: Pose2D) -> int:
-        """Points in cells that the map knows, and knows no wall near."""
-        seen = pose.apply(self.points)
-        if not len(seen):
-            return 0
-        self.grid.cover(seen.min(axis=0), seen.max(axis=0))
-        u, v = np.floor(self.grid.to_cells(seen)).astype(np.int64).T
-        known = self.grid.log_odds[v, u] != 0
-        return int((known & (self.grid.fields[0, v, u] < NO_WALL)).sum())
+    def _says_something(self) -> bool:
+        return len(self.points) >= self.parameters.fewest
+
+    def _window(self, pose: Pose2D, spread: Spread) -> _Window:
+        return _Window(self.grid, self.points, pose, spread, self.parameters)
 
 
 class _Window:
@@ -155,6 +158,11 @@ class _Window:
         """The best pose beside the predicted one."""
         self._cover(FARTHEST_REFINEMENT * self.cell, NEAR_TURN)
         return self._settle(self.predicted)
+
+    def at_once(self) -> Match:
+        """The match at the predicted pose as it is."""
+        self._cover(0.0, 0.0)
+        return self._compare(self.predicted)
 
     def _is_trusted(self, match: Match, usual_score: float) -> bool:
         """Whether the pose next to the odometry's fits as well as any, so that none need be
@@ -216,11 +224,15 @@ class _Window:
 
     def _settle(self, near: Pose2D) -> Match:
         """Refine a pose, and see how well the scan agrees with the map there."""
-        pose, information = self._refine(near) if self.parameters.refine else (near, None)
-        overlap, agreement = kernels.overlap(
+        return self._compare(*self._refine(near)) if self.parameters.refine else self._compare(near)
+
+    def _compare(self, pose: Pose2D, information: NDArray[np.float64] | None = None) -> Match:
+        """How well the scan agrees with the map at a pose."""
+        overlap, agreement, against = kernels.overlap(
             self.grid.log_odds, self.grid.fields[0], self.points, self.grid.pose_to_cells(pose)
         )
-        return Match(pose, agreement, overlap, overlap >= self.parameters.fewest, information)
+        found = overlap >= self.parameters.fewest
+        return Match(pose, agreement, overlap, found, information, against)
 
     def _cover(self, half_xy: float, half_turn: float) -> None:
         """Make the map hold every point of every pose in the window."""
@@ -272,7 +284,8 @@ def best_of_fifteen(
     scores[counts.sum(axis=(2, 3)) == 0] = -np.inf
     position, turn = np.unravel_index(int(np.argmax(scores)), scores.shape)
     best = start + np.append(FIFTEEN.offsets[position], math.radians(FIFTEEN.turns_deg[turn]))
-    overlap, agreement = kernels.overlap(
+    overlap, agreement, against = kernels.overlap(
         grid.log_odds, grid.fields[0], perception.hits / cell, best
     )
-    return Match(grid.pose_from_cells(best), agreement, overlap, found=overlap > 0)
+    pose = grid.pose_from_cells(best)
+    return Match(pose, agreement, overlap, found=overlap > 0, against=against)

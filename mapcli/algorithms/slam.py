@@ -18,7 +18,7 @@ from mapcli.algorithms.keyframes import Track
 from mapcli.algorithms.locate import locate
 from mapcli.algorithms.loops import LoopParameters
 from mapcli.algorithms.match import Lately, Match, MatchParameters
-from mapcli.algorithms.matching import ScanInMap, best_pose, thinned
+from mapcli.algorithms.matching import ScanInMap, best_pose, points_of
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.odometry import odometry_at_scans
 from mapcli.algorithms.perception import Perception, PerceptionParameters, perceive
@@ -142,7 +142,7 @@ class Slam:
         if self.parameters.loops is None:
             return
         self.track.amend(self.faults.way)
-        self.track.add(pose, thinned(perception.hits, self.parameters.map.resolution))
+        self.track.add(pose, points_of(perception, self.parameters.map.resolution))
         if in_map:
             self.track.add_keyframe(perception, match.information, self.parameters.odometry)
 

@@ -127,7 +127,7 @@ class StretchMatcher:
         )  # fmt: skip
         best = start + np.array([du, dv, turn * TURN_STEP])
         fit = grid.walls.fit(points, grid.pose_from_cells(best))
-        known, score = kernels.overlap(
+        known, score, _ = kernels.overlap(
             grid.log_odds, grid.fields[0], cells, grid.pose_to_cells(fit.pose)
         )
         at_edge = max(abs(du), abs(dv)) >= half[0] - EDGE or abs(turn) >= half[1] - EDGE

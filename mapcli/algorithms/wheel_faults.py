@@ -44,6 +44,8 @@ class FaultParameters:
         enough: evidence after which a failure is believed; enough_for_wheels: after which the
             wheels are believed again.
         least: evidence below which a rival is given up.
+        hopeless: the share of the points by which a rival may contradict the map more, before
+            it is fitted, than the believed pose; beyond, it is given up at once.
         most: what inertia is worth at most.
         expected: the share of the points that may contradict the map, as new things come into
             sight.
@@ -61,6 +63,7 @@ class FaultParameters:
     enough: float = 12.0
     enough_for_wheels: float = 6.0
     least: float = -10.0
+    hopeless: float = 0.4
     most: float = 30.0
     expected: float = 0.05
     unknown: float = 0.5
@@ -198,6 +201,10 @@ class WheelFaults:
         against, left = self._against(stay, scan), _left(predicted, stay.pose, spread, p.far)
         for name, rival in list(self.rivals.items()):
             near = not _apart(rival.pose, best.pose, spread)
+            more = 0 if near else scan.contradictions(rival.pose, spread) - stay.against
+            if more > p.hopeless * len(scan.points):
+                del self.rivals[name]
+                continue
             match = best if near else scan.next_to(rival.pose, spread)
             if match.overlap < p.overlap * stay.overlap:
                 del self.rivals[name]
@@ -213,7 +220,7 @@ class WheelFaults:
     def _against(self, match: Match, scan: ScanInMap) -> float:
         """Points that speak against a match."""
         unknown = max(0.0, self._known * len(scan.points) - match.overlap)
-        return scan.contradictions(match.pose) + self.parameters.unknown * unknown
+        return match.against + self.parameters.unknown * unknown
 
     def _decide(self, matches: dict[Hypothesis, Match], low: float) -> Match | None:
         """The match of the strongest rival, if it must be believed; none below this score."""

@@ -16,6 +16,8 @@ from mapcli.algorithms._kernels.compiling import kernel
 
 FULL = 255.0
 """The field's value on a wall."""
+NO_WALL = 0.2 * FULL
+"""Less than this is at odds with the walls: two deviations from them, as a rule."""
 
 Prior = tuple[float, float, float, float]
 
@@ -277,14 +279,16 @@ def overlap(
     field: NDArray[np.uint8],
     points: NDArray[np.float64],
     pose: NDArray[np.float64],
-) -> tuple[int, float]:
-    """(points on cells that the map knows or that border a wall, their share of agreement)."""
+) -> tuple[int, float, int]:
+    """(points on cells that the map knows or that border a wall, their share of agreement, points
+    on cells that the map knows and knows no wall near)."""
     c, s = cos(pose[2]), sin(pose[2])
-    known, agreement = 0, 0.0
+    known, agreement, against = 0, 0.0, 0
     for p in range(len(points)):
         u = floor(pose[0] + c * points[p, 0] - s * points[p, 1])
         v = floor(pose[1] + s * points[p, 0] + c * points[p, 1])
         if log_odds[v, u] != 0 or field[v, u] > 0:
             known += 1
             agreement += field[v, u] / FULL
-    return known, agreement / max(known, 1)
+            against += log_odds[v, u] != 0 and field[v, u] < NO_WALL
+    return known, agreement / max(known, 1), against
