@@ -170,7 +170,7 @@ def test_candidates_are_the_nearest_of_each_earlier_visit() -> None:
         [closer.keyframes[s.anchor].metres for s in closer.stretches],
     )
     new = len(closer.stretches) - 2
-    found = closer.candidates(new, closer.graph.ways_from(new))
+    found = closer.candidates(new)
     assert len(found) == 2  # the robot has been here twice before
     for k in found:
         assert metres[new] - metres[k] >= USUAL.apart_m
@@ -182,10 +182,10 @@ def test_no_candidates_where_the_graph_knows_it_already() -> None:
     true, seen = around_the_ring(52)
     closer = closer_of(true, seen)
     new = 8
-    (old,) = closer.candidates(new, closer.graph.ways_from(new))
+    (old,) = closer.candidates(new)
     measured = closer.graph.poses[old].between(closer.graph.poses[new])
     closer.graph.add(Edge(old, new, measured, TIGHT))
-    assert closer.candidates(new, closer.graph.ways_from(new)) == []
+    assert closer.candidates(new) == {}
 
 
 def test_the_less_is_known_the_farther_is_looked() -> None:
@@ -198,7 +198,7 @@ def test_the_less_is_known_the_farther_is_looked() -> None:
         vague = [Keyframe(k.scan, k.pose, k.perception, covariance, k.metres) for k in keyframes]
         closer = LoopCloser(vague, MAP, LoopParameters(most_xy=30.0))
         new = len(closer.stretches) - 1
-        return closer.candidates(new, closer.graph.ways_from(new))
+        return list(closer.candidates(new))
 
     assert candidates(np.diag([0.01**2, 0.01**2, 0.001**2])) == []
     assert candidates(np.diag([1.0, 1.0, 0.001**2])) == [0]
@@ -245,7 +245,7 @@ def waiting(closer: LoopCloser, *loops: tuple[int, int, Pose2D]) -> None:
     poses = closer.graph.poses
     for old, new, error in loops:
         measured = poses[old].between(poses[new]).compose(error)
-        closer.pending.append((Edge(old, new, measured, TIGHT), 0.9))
+        closer.offer(Edge(old, new, measured, TIGHT), 0.9)
 
 
 @pytest.fixture
@@ -267,7 +267,7 @@ def test_two_that_agree_are_believed_even_if_the_track_was_wrong(ring_closer: Lo
     poses = list(ring_closer.graph.poses)
     waiting(ring_closer, (0, 7, ahead))
     moved = poses[7].compose(ahead).compose(poses[7].between(poses[8]))
-    ring_closer.pending.append((Edge(1, 8, poses[1].between(moved), TIGHT), 0.9))
+    ring_closer.offer(Edge(1, 8, poses[1].between(moved), TIGHT), 0.9)
     assert ring_closer.accept()
     assert [(e.from_, e.to) for e, _ in ring_closer.closed] == [(0, 7), (1, 8)]
     assert ring_closer.pending == []
@@ -292,6 +292,36 @@ def test_a_loop_waits_until_another_agrees(ring_closer: LoopCloser) -> None:
     waiting(ring_closer, (1, 8, Pose2D(0.02, 0.02)))
     assert ring_closer.accept()
     assert [(e.from_, e.to) for e, _ in ring_closer.closed] == [(0, 7), (1, 8)]
+
+
+def test_a_loop_far_from_the_newest_ones_is_no_support() -> None:
+    true, seen = around_the_ring(2.9 * LAP)
+    closer = closer_of(true, seen)
+    new = len(closer.stretches) - 1
+    assert closer.metres[new] - closer.metres[7] > USUAL.apart_m + USUAL.stretch_m
+    waiting(closer, (0, 7, Pose2D()), (1, new, Pose2D()))
+    assert not closer.accept()
+
+
+def test_loops_that_tell_nothing_new_wait_for_others(
+    ring_closer: LoopCloser, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[bool] = []
+    monkeypatch.setattr(
+        ring_closer.graph, "optimise", lambda *, is_settled: asked.append(is_settled)
+    )
+    waiting(ring_closer, (0, 7, Pose2D()), (1, 8, Pose2D()))
+    first = ring_closer.accept()
+    ring_closer.learn(first)
+    assert asked == [True]  # few are known yet, so two are a lot
+    ring_closer.closed += ring_closer.closed * 50
+    ring_closer.learn(first)
+    assert asked == [True]
+    waiting(ring_closer, (2, 9, Pose2D(0.1)))
+    ring_closer.learn(ring_closer.accept())
+    assert asked == [True, False]  # it contradicts, so at once, and doubting loops at first
+    ring_closer.learn([])
+    assert asked == [True, False]
 
 
 # --- pruning

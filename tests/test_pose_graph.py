@@ -142,6 +142,22 @@ def test_a_loop_is_a_short_way() -> None:
     assert graph.ways_from(4)[0].metres == 16
 
 
+def test_no_way_is_gone_farther_than_wanted() -> None:
+    graph = chain(drifting(4, Pose2D()))
+    assert set(graph.ways_from(4, [3])) == {3, 4}
+    assert graph.ways_from(4, []) == {}
+    assert graph.ways_from(4, [0])[0].metres == graph.ways_from(4)[0].metres
+
+
+def test_positions_follow_the_poses() -> None:
+    graph = chain(drifting(4, Pose2D(0.1)))
+    before = graph.positions()
+    graph.add(Edge(0, 4, Pose2D(), TIGHT))
+    graph.optimise()
+    assert (before != graph.positions()).any()
+    assert graph.positions().tolist() == [[pose.x, pose.y] for pose in graph.poses]
+
+
 # --- optimisation
 
 

@@ -122,10 +122,10 @@ class PoseGraph:
             self._positions = np.array([(pose.x, pose.y) for pose in self.poses])
         return self._positions
 
-    def ways_from(self, start: int, wanted: Iterable[int]) -> dict[int, Way]:
-        """The shortest ways to the wanted poses, and some others (Dijkstra)."""
+    def ways_from(self, start: int, wanted: Iterable[int] | None = None) -> dict[int, Way]:
+        """The shortest ways to the wanted poses and some others, or to all (Dijkstra)."""
         ways: dict[int, Way] = {}
-        missing = set(wanted)
+        missing = set(range(len(self.poses)) if wanted is None else wanted)
         order = count()  # ties are decided by what was found first
         waiting = [(0.0, next(order), start, Way(0.0, self.poses[start]))]
         while missing and waiting:
