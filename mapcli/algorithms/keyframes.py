@@ -63,13 +63,13 @@ class Track:
         """The last scans were taken at these poses."""
         first = len(self.poses) - len(poses)
         self.poses[first:] = poses
-        for k in range(len(self.keyframes)):
-            if self.keyframes[k].scan >= first:
-                pose, metres = self.poses[self.keyframes[k].scan], 0.0
-                if k:
-                    last = self.keyframes[k - 1]
-                    metres = last.metres + last.pose.distance(pose)
-                self.keyframes[k] = replace(self.keyframes[k], pose=pose, metres=metres)
+        begin = bisect_left(self.keyframes, first, key=lambda keyframe: keyframe.scan)
+        for k in range(begin, len(self.keyframes)):
+            pose, metres = self.poses[self.keyframes[k].scan], 0.0
+            if k:
+                last = self.keyframes[k - 1]
+                metres = last.metres + last.pose.distance(pose)
+            self.keyframes[k] = replace(self.keyframes[k], pose=pose, metres=metres)
 
     def add_keyframe(
         self, perception: Perception, match: NDArray[np.float64] | None, wheels: OdometryModel

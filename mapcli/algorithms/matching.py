@@ -91,6 +91,7 @@ class ScanInMap:
     ) -> None:
         self.grid, self.parameters = grid, parameters
         self.points = points_of(perception, grid.parameters.resolution)
+        self._last: _Window | None = None
 
     def contradictions(self, pose: Pose2D, spread: Spread) -> int:
         """Points where the map knows that there is no wall."""
@@ -107,7 +108,11 @@ class ScanInMap:
         return len(self.points) >= self.parameters.fewest
 
     def _window(self, pose: Pose2D, spread: Spread) -> _Window:
-        return _Window(self.grid, self.points, pose, spread, self.parameters)
+        """A window around a pose; the last one, moved, since making one takes longer than a look
+        through it."""
+        window = self._last or _Window(self.grid, self.points, pose, spread, self.parameters)
+        window.predicted, window.spread, self._last = pose, spread, window
+        return window
 
 
 class _Window:
