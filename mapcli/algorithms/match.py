@@ -27,6 +27,8 @@ class MatchParameters:
         similarity: how `book` compares; `window` always uses the likelihood field.
         prior: the most that leaving the odometry's pose costs, as a share of a perfect score.
         prior_knee: squared standard deviations that cost half of it.
+        trusted: standard deviations within which the pose next to the odometry's is taken
+            without a search, if the scan fits there as usual.
         indifferent: the pose next to the odometry's is taken when its agreement is at most this
             much less than the best one's.
         refine: go on from the best test position to the last millimetres.
@@ -49,6 +51,7 @@ class MatchParameters:
     similarity: Similarity = "product"
     prior: float = 0.1
     prior_knee: float = 9.0
+    trusted: float = 2.0
     indifferent: float = 0.03
     refine: bool = True
     fewest: int = 5

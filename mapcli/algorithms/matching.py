@@ -174,17 +174,19 @@ class _Window:
         searched for."""
         if self.spread.xy > NEAR_CELLS * self.cell or self.spread.turn > NEAR_TURN:
             return False  # the fit may have ended beside the right place
-        return self._is_usual(match, usual_score) and not self._is_far(match.pose)
+        far = self._is_far(match.pose, self.parameters.trusted)
+        return self._is_usual(match, usual_score) and not far
 
     def _is_usual(self, match: Match, usual_score: float) -> bool:
         """Whether a match is as good as others lately."""
         enough = match.overlap >= self.parameters.lost_overlap * len(self.points)
         return enough and match.score >= usual_score - self.parameters.indifferent
 
-    def _is_far(self, pose: Pose2D) -> bool:
+    def _is_far(self, pose: Pose2D, deviations: float = 1.0) -> bool:
         """Whether a pose is farther from the predicted one than odometry usually errs."""
         turn = abs(self.predicted.between(pose).theta)
-        return self.predicted.distance(pose) > self.spread.xy or turn > self.spread.turn
+        far = self.predicted.distance(pose) > deviations * self.spread.xy
+        return far or turn > deviations * self.spread.turn
 
     def _doubt(self, best: Match, lately: Lately, half_xy: float) -> Match:
         """The scan fits the map worse than usual: odometry may be lost, or the map too young."""
