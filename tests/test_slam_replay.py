@@ -158,7 +158,8 @@ def test_the_summary(corridor: Trace) -> None:
     summary = corridor["summary"]
     assert list(summary) == [
         "scans", "used", "used_share", "matched", "odometry", "skipped", "distance_m",
-        "duration_s", "loops", "mean_score", "odometry_jumps", "damage", "interrupted",
+        "duration_s", "loops", "mean_score", "odometry_jumps", "odometry_faults", "damage",
+        "interrupted",
     ]  # fmt: skip
     assert (summary["scans"], summary["used"], summary["used_share"]) == (50, 50, 1)
     assert (summary["matched"], summary["odometry"]) == (49, 0)

@@ -55,13 +55,14 @@ def wheels(true: list[Pose2D], factors: dict[int, float]) -> list[Pose2D]:
     return odom
 
 
-def replayed(true: list[Pose2D], odom: list[Pose2D]) -> tuple[list[Pose2D], set[str]]:
-    """The poses in the end, and all that was believed of the wheels."""
+def replayed(true: list[Pose2D], odom: list[Pose2D]) -> tuple[list[Pose2D], set[str], int]:
+    """The poses in the end, all that was believed of the wheels, and at how many scans they were
+    not believed."""
     slam, believed = Slam(), set()
     scans = [scan_at(CORRIDOR, pose, k) for k, pose in enumerate(true)]
     for _ in slam.replay(log_of(scans, odom)):
         believed.add(slam.faults.believed)
-    return slam.track.poses, believed
+    return slam.track.poses, believed, slam.faults.scans
 
 
 # --- inertia, where the robot sees nothing
@@ -120,8 +121,9 @@ def test_wheels_that_count_backwards_while_the_robot_drives() -> None:
     true = drive([0.25] * 100)
     odom = wheels(true, dict.fromkeys(range(40, 60), -1.0))
     assert worst(odom, true) == pytest.approx(10)
-    poses, believed = replayed(true, odom)
+    poses, believed, failed = replayed(true, odom)
     assert believed == {"wheels", "reversed"}
+    assert failed == 20
     assert worst(poses, true) < 0.1
 
 
@@ -133,15 +135,17 @@ def test_wheels_that_count_backwards_while_the_robot_backs_up() -> None:
     first = 4 + 60 + 5
     odom = wheels(true, dict.fromkeys(range(first, first + len(back)), -1.0))
     assert worst(odom, true) > 11
-    poses, believed = replayed(true, odom)
+    poses, believed, failed = replayed(true, odom)
     assert "reversed" in believed
+    assert failed == pytest.approx(len(back), abs=5)  # the slow ones at its ends may be either
     assert worst(poses, true) < 0.2
 
 
 def test_wheels_that_count_nothing() -> None:
     true = drive([0.4] * 90)
-    poses, believed = replayed(true, wheels(true, dict.fromkeys(range(40, 55), 0.0)))
+    poses, believed, failed = replayed(true, wheels(true, dict.fromkeys(range(40, 55), 0.0)))
     assert believed == {"wheels", "goes on"}
+    assert failed == pytest.approx(15, abs=2)
     assert worst(poses, true) < 0.3
 
 
@@ -149,8 +153,9 @@ def test_good_wheels_are_believed() -> None:
     rng = np.random.default_rng(3)
     true = drive([0.1, 0.2, *[0.25] * 60, 0.15, 0.05, 0, 0, -0.1, *[-0.25] * 30])
     noisy = {k: float(f) for k, f in enumerate(rng.normal(1.03, 0.1, len(true)))}
-    poses, believed = replayed(true, wheels(true, noisy))
+    poses, believed, failed = replayed(true, wheels(true, noisy))
     assert believed == {"wheels"}
+    assert failed == 0
     assert worst(poses, true) < 0.3
 
 

@@ -101,6 +101,7 @@ class WheelFaults:
         rivals: the others that are followed.
         way: after a rival came to be believed, where the robot was at the scans before the last,
             which were thought to be elsewhere.
+        scans: at how many scans the wheels were not believed, as far as is known by now.
     """
 
     def __init__(self, parameters: FaultParameters | None = None) -> None:
@@ -108,6 +109,7 @@ class WheelFaults:
         self.believed: Hypothesis = "wheels"
         self.rivals: dict[Hypothesis, Rival] = {}
         self.way: tuple[Pose2D, ...] = ()
+        self.scans = 0
         self._counted: Pose2D | None = None
         self._motion = self._found = Pose2D()  # the last one, as predicted and as the map has it
         self._stamp_ns, self._seconds, self._elapsed = 0, 0.0, 0.0
@@ -157,7 +159,9 @@ class WheelFaults:
             share = best.overlap / len(scan.points)
             self._known += KNOWN_MEMORY * (share - self._known)
         self._found, self._seconds, self.way = before.between(best.pose), self._elapsed, ()
-        return self._decide(matches, self.parameters.fits * usual) or best
+        decided = self._decide(matches, self.parameters.fits * usual) or best
+        self.scans += 0 if self.believed == "wheels" else 1 + len(self.way)
+        return decided
 
     def _follow(self, before: Pose2D, counted: Pose2D, motion: Pose2D) -> None:
         """Move the rivals on, and let those begin that have more reason to begin now."""

@@ -108,6 +108,7 @@ class Replay:
             loops=len(trace.loops),
             mean_score=trace.mean_score(),
             odometry_jumps=self.slam.odometry.jumps,
+            odometry_faults=self.slam.faults.scans,
             damage=damage,
             interrupted=self.interrupted,
             seconds=time.perf_counter() - self._started,

@@ -157,13 +157,15 @@ def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> Non
     """The end report, on stderr."""
     skipped = ", ".join(counted(times, reason) for reason, times in summary.skipped.items())
     score = "none" if summary.mean_score is None else f"{summary.mean_score:.2f}"
+    failed = summary.odometry_faults
+    faults = f"; wheels that failed, at {counted(failed, 'scans')}" if failed else ""
     width, height = grid.columns * grid.resolution, grid.rows * grid.resolution
     rows = (
         ("scans", f"{summary.used:,} of {summary.scans:,} used ({100 * summary.used_share:.1f} %)"),
         ("skipped", skipped or "none"),
         ("matched", f"{summary.matched:,}; by odometry alone {summary.odometry:,}"),
         ("mean score", f"{score} (1 is perfect agreement with the map)"),
-        ("odometry", f"{summary.odometry_jumps:,} jumps not believed"),
+        ("odometry", f"{summary.odometry_jumps:,} jumps not believed{faults}"),
         ("driven", f"{summary.distance_m:,.1f} m in {summary.duration_s:,.1f} s"),
         ("loops closed", f"{summary.loops:,}"),
         ("map", f"{width:.1f} m x {height:.1f} m at {grid.resolution:g} m a cell"),

@@ -24,7 +24,8 @@ class ReplaySummary:
         duration_s: of the log, from the first to the last used scan.
         loops: loops closed.
         mean_score: of the matched scans; None when none was.
-        odometry_jumps: steps in which the odometry leapt and was not believed.
+        odometry_jumps: steps in which the odometry leapt and was not believed; odometry_faults:
+            scans at which the wheels were taken to count backwards, or to have stopped counting.
         damage: what was wrong with the log -> how often.
         interrupted: the replay was stopped early; the result is of the part before.
         seconds: what the replay took; left out of files, which must not depend on the machine.
@@ -40,6 +41,7 @@ class ReplaySummary:
     loops: int
     mean_score: float | None
     odometry_jumps: int
+    odometry_faults: int
     damage: Mapping[str, int]
     interrupted: bool
     seconds: float = field(default=0.0)
@@ -67,6 +69,7 @@ class ReplaySummary:
             "loops": self.loops,
             "mean_score": None if self.mean_score is None else round(self.mean_score, 4),
             "odometry_jumps": self.odometry_jumps,
+            "odometry_faults": self.odometry_faults,
             "damage": dict(self.damage),
             "interrupted": self.interrupted,
         }
@@ -88,7 +91,7 @@ class ReplaySummary:
         }
 
 
-NOTHING = ReplaySummary(0, 0, 0, 0, {}, 0.0, 0.0, 0, None, 0, {}, interrupted=False)
+NOTHING = ReplaySummary(0, 0, 0, 0, {}, 0.0, 0.0, 0, None, 0, 0, {}, interrupted=False)
 LIMIT_FIELDS = tuple(NOTHING.numbers())
 """What `--fail-if` can be about."""
 
