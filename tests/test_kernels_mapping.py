@@ -20,7 +20,8 @@ from mapcli.algorithms._kernels.mapping import (
     place_beams,
     update_field,
 )
-from mapcli.algorithms.occupancy import LEVEL_WIDTHS, MapParameters
+from mapcli.algorithms.likelihood import LEVEL_WIDTHS
+from mapcli.algorithms.occupancy import MapParameters
 
 Cells = set[tuple[int, int]]
 

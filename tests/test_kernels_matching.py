@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels import matching as kernels
 from mapcli.algorithms._kernels.mapping import update_field
-from mapcli.algorithms.occupancy import LEVEL_WIDTHS, MapParameters
+from mapcli.algorithms.likelihood import LEVEL_WIDTHS
+from mapcli.algorithms.occupancy import MapParameters
 
 Floats = NDArray[np.float64]
 

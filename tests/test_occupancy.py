@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapcli.algorithms import occupancy
-from mapcli.algorithms.occupancy import BLOCK, LEVEL_WIDTHS, MapParameters, OccupancyGrid
+from mapcli.algorithms.likelihood import LEVEL_WIDTHS
+from mapcli.algorithms.occupancy import BLOCK, MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import Perception
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap

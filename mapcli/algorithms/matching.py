@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 from mapcli.algorithms._kernels import matching as kernels
 from mapcli.algorithms.candidates import neighbours
 from mapcli.algorithms.dead_reckoning import Spread
+from mapcli.algorithms.likelihood import LEVEL_WIDTHS
 from mapcli.algorithms.match import Lately, Match, MatchParameters
-from mapcli.algorithms.occupancy import LEVEL_WIDTHS, OccupancyGrid
+from mapcli.algorithms.occupancy import OccupancyGrid
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.perception_map import outline
 from mapcli.algorithms.similarity import SignMap, Similarity, better, of_counts

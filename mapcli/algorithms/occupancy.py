@@ -4,15 +4,13 @@ Log-odds are kept in 1/17ths as int16, 0 meaning unknown. A hit is worth more th
 a laser seldom reports a wall that is not there, while beams that graze a wall pass through its
 cells again and again. The limits keep a cell from being so sure that it can never change.
 
-Beside the map lives its likelihood field: how well a beam's end fits each place, 255 on a wall
-and falling off as a Gaussian around it, with coarser levels that bound it (`_kernels.mapping`).
+Beside the map live its likelihood field (`likelihood`) and the walls finer than cells (`surfels`).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +21,7 @@ from mapcli.algorithms._kernels.mapping import (
     place_beams,
     update_field,
 )
+from mapcli.algorithms.likelihood import LEVEL_WIDTHS, bump_of, make_levels
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.surfels import SurfelMap
 from mapcli.errors import DataError
@@ -38,9 +37,6 @@ def units_of(probability: float) -> int:
     counts = round(math.log(probability / (1 - probability)) / LOG_ODDS_UNIT)
     return counts or (1 if probability > 0.5 else -1)
 
-
-LEVEL_WIDTHS = np.array([1, 2, 4, 16], dtype=np.int64)
-"""Cells a side that one value of each level of the field bounds."""
 
 BLOCK = 256
 """The array grows by whole blocks of cells."""
@@ -81,12 +77,7 @@ class MapParameters:
 
     def bump(self) -> NDArray[np.uint8]:
         """The likelihood field around one wall cell, shape (2 r + 1, 2 r + 1)."""
-        sigma = max(self.blur / self.resolution, 1.0)
-        radius = math.ceil(3 * sigma)
-        steps = np.arange(-radius, radius + 1)
-        squares = steps[:, None] ** 2 + steps[None, :] ** 2
-        values = np.round(255 * np.exp(-squares / (2 * sigma**2)))
-        return np.where(squares <= (radius + 0.5) ** 2, values, 0).astype(np.uint8)
+        return bump_of(max(self.blur / self.resolution, 1.0))
 
 
 class OccupancyGrid:
@@ -270,26 +261,7 @@ class OccupancyGrid:
 
     def make_field(self) -> None:
         """Make the likelihood field of all walls at once, where there is none yet."""
-        walls = np.flatnonzero(self.log_odds > 0)
-        if not len(walls):
-            return
-        update_field(self.fields, LEVEL_WIDTHS[:1], self.log_odds, walls, self._bump)
-        part = self.fields[:, *self._around(walls)]
-        for level, (width, wider) in enumerate(pairwise(LEVEL_WIDTHS.tolist()), start=1):
-            bound = part[level - 1]
-            for axis in (0, 1):
-                bound = highest_ahead(bound, wider // width, width, axis)
-            part[level] = bound
-
-    def _around(self, walls: NDArray[np.int64]) -> tuple[slice, slice]:
-        """The rows and columns where the field and its bounds are more than 0."""
-        edge = len(self._bump) // 2
-        v, u = np.divmod(walls, self.log_odds.shape[1])
-        before, after = edge + int(LEVEL_WIDTHS[-1]), edge + 1
-        return (
-            slice(int(v.min()) - before, int(v.max()) + after),
-            slice(int(u.min()) - before, int(u.max()) + after),
-        )
+        make_levels(self.fields, self.log_odds, self._bump)
 
     def to_grid_map(self) -> GridMap:
         """The obstacle probabilities, cropped to what is known and two cells around it."""
@@ -310,21 +282,6 @@ class OccupancyGrid:
             round((self._v0 + v) * p.resolution + float(self._base[1]), 9),
         )
         return GridMap.from_bottom_up(table[part - p.lowest], p.resolution, corner)
-
-
-def highest_ahead(
-    values: NDArray[np.uint8], count: int, stride: int, axis: int
-) -> NDArray[np.uint8]:
-    """For every place the highest of `count` values along an axis, `stride` apart, from it on."""
-    highest = values.copy()
-    size = values.shape[axis]
-    for k in range(1, count):
-        here = [slice(None), slice(None)]
-        there = [slice(None), slice(None)]
-        here[axis], there[axis] = slice(size - k * stride), slice(k * stride, size)
-        target = highest[tuple(here)]
-        np.maximum(target, values[tuple(there)], out=target)
-    return highest
 
 
 def log_odds_of(probabilities: NDArray[np.float32], parameters: MapParameters) -> NDArray[np.int16]:

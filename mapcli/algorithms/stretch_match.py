@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from mapcli.algorithms._kernels import matching as kernels
 from mapcli.algorithms._kernels.ambiguity import fits
 from mapcli.algorithms.keyframes import Keyframe, around
+from mapcli.algorithms.likelihood import LEVEL_WIDTHS
 from mapcli.algorithms.matching import thinned
-from mapcli.algorithms.occupancy import LEVEL_WIDTHS, MapParameters, OccupancyGrid
+from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.surfels import covariance_of
 from mapcli.model.pose import Pose2D
