@@ -25,7 +25,8 @@ from typing import IO, NamedTuple
 
 import numpy as np
 
-from mapcli.algorithms.explore import ExploreParameters, explore
+from mapcli.algorithms.explore import explore
+from mapcli.algorithms.explore_parameters import ExploreParameters
 from mapcli.formats.map_output import SaveOptions, dump_map
 from mapcli.formats.maps import load_map
 from mapcli.model.exploration_replay import Replay

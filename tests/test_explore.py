@@ -13,7 +13,8 @@ from literal_frontier import LiteralFrontier
 from test_frontier import BOOK, grid_of
 from test_frontier_literal import expeditions, open_cells
 
-from mapcli.algorithms.explore import ExploreParameters, contradictions, explore, plan
+from mapcli.algorithms.explore import contradictions, explore, plan
+from mapcli.algorithms.explore_parameters import ExploreParameters
 from mapcli.errors import DataError
 from mapcli.model.exploration import Exploration, coverage_curve
 from mapcli.model.exploration_replay import Replay

@@ -10,7 +10,8 @@ import pytest
 from literal_frontier import LiteralFrontier
 from test_frontier_literal import STRATEGIES, as_records, open_cells
 
-from mapcli.algorithms.explore import ExploreParameters, explore, plan
+from mapcli.algorithms.explore import explore, plan
+from mapcli.algorithms.explore_parameters import ExploreParameters
 from mapcli.formats.maps import load_map
 from mapcli.model.exploration import Exploration, Step
 from mapcli.model.grid import GridMap

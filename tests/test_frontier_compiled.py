@@ -12,7 +12,8 @@ import pytest
 from test_frontier import BOOK, FIXTURES
 
 from mapcli.algorithms.expedition import LARGE, is_large
-from mapcli.algorithms.explore import ExploreParameters, explore
+from mapcli.algorithms.explore import explore
+from mapcli.algorithms.explore_parameters import ExploreParameters
 from mapcli.errors import DataError
 from mapcli.model.exploration import Exploration
 from mapcli.model.grid import GridMap

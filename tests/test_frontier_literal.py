@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from literal_frontier import LiteralFrontier
 
-from mapcli.algorithms.explore import ExploreParameters, explore
+from mapcli.algorithms.explore import explore
+from mapcli.algorithms.explore_parameters import ExploreParameters
 from mapcli.errors import DataError
 from mapcli.model.exploration import Exploration
 from mapcli.model.grid import GridMap

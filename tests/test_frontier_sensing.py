@@ -11,7 +11,7 @@ from test_frontier import grid_of
 from test_frontier_literal import worlds
 
 from mapcli.algorithms.arrays import cells_of, make_field
-from mapcli.algorithms.explore import ExploreParameters
+from mapcli.algorithms.explore_parameters import ExploreParameters
 from mapcli.algorithms.field import OPEN, UNKNOWN
 from mapcli.algorithms.glimpse import shows_unknown
 from mapcli.algorithms.goals import make_chooser

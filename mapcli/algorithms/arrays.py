@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms import motion
+from mapcli.algorithms.explore_parameters import ExploreParameters
 from mapcli.algorithms.field import (
     OUTSIDE,
     UNKNOWABLE,
@@ -23,9 +23,6 @@ from mapcli.algorithms.fleet import SENSED, STEPS, Robots, Trace
 from mapcli.algorithms.goals import FRONTIER, NOWHERE, START
 from mapcli.model.exploration import StepColumns
 from mapcli.model.grid import GridMap
-
-if TYPE_CHECKING:
-    from mapcli.algorithms.explore import ExploreParameters
 
 STEP_COLUMNS = Trace._fields[: Trace._fields.index("paths")]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from mapcli.algorithms.arrays import (
     make_trace,
     read_steps,
 )
+from mapcli.algorithms.explore_parameters import ExploreParameters
 from mapcli.algorithms.field import (
     CONTRADICTED,
     FRONTIER_SIZE,
@@ -38,9 +39,6 @@ from mapcli.model.exploration import (
     move_lengths,
 )
 from mapcli.model.grid import GridMap
-
-if TYPE_CHECKING:
-    from mapcli.algorithms.explore import ExploreParameters
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from mapcli.algorithms.explore import ExploreParameters
+from mapcli.algorithms.explore_parameters import ExploreParameters
 from mapcli.commands._output import check_outputs, write_bytes, write_files
 from mapcli.model.exploration import Exploration, coverage_curve
 from mapcli.model.grid import GridMap
