@@ -17,7 +17,7 @@ SEEN = 1 << 14
 """Added to the log-odds of a cell that the current scan has already touched."""
 IS_SEEN = 1 << 13
 FAR = 1 << 62
-
+"""Beyond every cell."""
 
 WALL = 255
 """The likelihood field's value on a wall."""

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels.compiling import kernel
+from mapcli.algorithms._kernels.mapping import WALL
 
-FULL = 255.0
+FULL = float(WALL)
 """The field's value on a wall."""
 NO_WALL = 0.2 * FULL
 """Less than this is at odds with the walls: two deviations from them, as a rule."""

@@ -62,18 +62,38 @@ def fit_scans(
         for _ in range(rounds):
             fitted[k] = associate(table, points, first, last, pose, shape, partners)
             begun = pose
-            for _ in range(STEPS):
-                system = linearise(table[3], partners, points, first, last, pose, shape[2])
-                before = pose
-                pose = stepped(pose, with_prior(system, pose, guess, prior))
-                if is_still(before, pose, LAST_STEP):
-                    break
+            pose, system = settle(
+                table[3], partners, points, first, last, pose, guess, prior, shape[2]
+            )
             if is_still(begun, pose, 1.0):
                 break
         for j in range(3):
             poses[k, j] = pose[j]
         for j in range(6):
             systems[k, j] = system[j]
+
+
+@kernel
+def settle(
+    surfels: NDArray[np.float64],
+    partners: NDArray[np.int64],
+    points: NDArray[np.float64],
+    first: int,
+    last: int,
+    pose: Pose,
+    predicted: Pose,
+    prior: tuple[float, float, float],
+    doubt: float,
+) -> tuple[Pose, System]:
+    """The pose at which points fit the walls that they belong to, by Gauss-Newton, and the last
+    system on the way there, from the points alone."""
+    for _ in range(STEPS):
+        system = linearise(surfels, partners, points, first, last, pose, doubt)
+        before = pose
+        pose = stepped(pose, with_prior(system, pose, predicted, prior))
+        if is_still(before, pose, LAST_STEP):
+            break
+    return pose, system
 
 
 @kernel
@@ -132,11 +152,7 @@ def linearise(
         px, py = points[p, 0], points[p, 1]
         rx, ry = c * px - s * py, s * px + c * py
         ex, ey = surfels[at, 0] - x - rx, surfels[at, 1] - y - ry
-        xx, xy, yy = surfels[at, 2], surfels[at, 3], surfels[at, 4]
-        square = xx * ex * ex + 2 * xy * ex * ey + yy * ey * ey
-        say = doubt * doubt / (doubt * doubt + square)
-        say *= say
-        xx, xy, yy = say * xx, say * xy, say * yy
+        xx, xy, yy = heeded(surfels, at, ex, ey, doubt)
         # The columns of the information times how a turn moves the point, (-ry, rx).
         tx, ty = xy * rx - xx * ry, yy * rx - xy * ry
         gx, gy = xx * ex + xy * ey, xy * ex + yy * ey
@@ -150,6 +166,18 @@ def linearise(
         g_y += gy
         g_t += rx * gy - ry * gx
     return n_xx, n_xy, n_xt, n_yy, n_yt, n_tt, g_x, g_y, g_t
+
+
+@kernel
+def heeded(
+    surfels: NDArray[np.float64], at: int, ex: float, ey: float, doubt: float
+) -> tuple[float, float, float]:
+    """The information of a surfel for a point that is so far off it: the farther, the less."""
+    xx, xy, yy = surfels[at, 2], surfels[at, 3], surfels[at, 4]
+    square = xx * ex * ex + 2 * xy * ex * ey + yy * ey * ey
+    say = doubt * doubt / (doubt * doubt + square)
+    say *= say
+    return say * xx, say * xy, say * yy
 
 
 @kernel
