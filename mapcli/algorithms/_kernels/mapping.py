@@ -94,8 +94,28 @@ def integrate_beams(
     Returns:
         How many there are in `changed`.
     """
-    hit, miss, highest, lowest = rules
-    n, n_touched, n_changed = len(beams) - 1, 0, 0
+    counts = hit_cells(log_odds, columns, beams, hits, rules, touched, changed)
+    for beam in range(len(beams) - 1):
+        counts = pass_cells(log_odds, field, columns, beams, beam, rules, touched, changed, counts)
+    for k in range(counts[0]):
+        log_odds[touched[k]] -= SEEN
+    return counts[1]
+
+
+@kernel
+def hit_cells(
+    log_odds: NDArray[np.int16],
+    columns: int,
+    beams: NDArray[np.float64],
+    hits: int,
+    rules: tuple[int, int, int, int],
+    touched: NDArray[np.int64],
+    changed: NDArray[np.int64],
+) -> tuple[int, int]:
+    """Write what a scan's beams hit, see `integrate_beams`; how many cells are in `touched` and
+    in `changed`."""
+    hit, _, highest, _ = rules
+    n_touched, n_changed = 0, 0
     for beam in range(hits):
         at = floor(beams[beam, 1]) * columns + floor(beams[beam, 0])
         old = log_odds[at]
@@ -110,38 +130,52 @@ def integrate_beams(
         log_odds[at] = new + SEEN
         touched[n_touched] = at
         n_touched += 1
-    start_u, start_v = beams[n, 0], beams[n, 1]
-    for beam in range(n):
-        u, v = floor(start_u), floor(start_v)
-        at = v * columns + u
-        du, dv = beams[beam, 0] - start_u, beams[beam, 1] - start_v
-        step_u, step_v = (1 if du > 0 else -1), (columns if dv > 0 else -columns)
-        # Lengths along the beam, as shares of it, between and to the next cell boundaries.
-        share_u = abs(1.0 / du) if du != 0 else np.inf
-        share_v = abs(1.0 / dv) if dv != 0 else np.inf
-        next_u = (u + 1 - start_u if du > 0 else start_u - u) * share_u if du != 0 else np.inf
-        next_v = (v + 1 - start_v if dv > 0 else start_v - v) * share_v if dv != 0 else np.inf
-        for _ in range(abs(floor(beams[beam, 0]) - u) + abs(floor(beams[beam, 1]) - v)):
-            old = log_odds[at]
-            if lowest < old < IS_SEEN:
-                new = max(lowest, old - miss)
-                if new == 0:
-                    new = -1
-                if (old > 0 and new < 0) or (old == 0 and field[at] == WALL):
-                    changed[n_changed] = at
-                    n_changed += 1
-                log_odds[at] = new + SEEN
-                touched[n_touched] = at
-                n_touched += 1
-            if next_u < next_v:
-                next_u += share_u
-                at += step_u
-            else:
-                next_v += share_v
-                at += step_v
-    for k in range(n_touched):
-        log_odds[touched[k]] -= SEEN
-    return n_changed
+    return n_touched, n_changed
+
+
+@kernel
+def pass_cells(
+    log_odds: NDArray[np.int16],
+    field: NDArray[np.uint8],
+    columns: int,
+    beams: NDArray[np.float64],
+    beam: int,
+    rules: tuple[int, int, int, int],
+    touched: NDArray[np.int64],
+    changed: NDArray[np.int64],
+    counts: tuple[int, int],
+) -> tuple[int, int]:
+    """Write what one beam passed through, see `integrate_beams`; the counts after it."""
+    _, miss, _, lowest = rules
+    n_touched, n_changed = counts
+    n = len(beams) - 1
+    start_u, start_v, end_u, end_v = beams[n, 0], beams[n, 1], beams[beam, 0], beams[beam, 1]
+    u, v = floor(start_u), floor(start_v)
+    at = v * columns + u
+    du, dv = end_u - start_u, end_v - start_v
+    step_u, step_v = (1 if du > 0 else -1), (columns if dv > 0 else -columns)
+    # Lengths along the beam, as shares of it, between and to the next cell boundaries.
+    share_u = abs(1.0 / du) if du != 0 else np.inf
+    share_v = abs(1.0 / dv) if dv != 0 else np.inf
+    next_u = (u + 1 - start_u if du > 0 else start_u - u) * share_u if du != 0 else np.inf
+    next_v = (v + 1 - start_v if dv > 0 else start_v - v) * share_v if dv != 0 else np.inf
+    for _ in range(abs(floor(end_u) - u) + abs(floor(end_v) - v)):
+        old = log_odds[at]
+        if lowest < old < IS_SEEN:
+            new = max(lowest, old - miss) or -1  # known, so never again the sign of unknown
+            if (old > 0 and new < 0) or (old == 0 and field[at] == WALL):
+                changed[n_changed] = at
+                n_changed += 1
+            log_odds[at] = new + SEEN
+            touched[n_touched] = at
+            n_touched += 1
+        if next_u < next_v:
+            next_u += share_u
+            at += step_u
+        else:
+            next_v += share_v
+            at += step_v
+    return n_touched, n_changed
 
 
 @kernel
