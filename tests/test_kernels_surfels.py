@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mapcli.algorithms._kernels import surfel_fit
 from mapcli.algorithms._kernels import surfels as kernels
 from mapcli.algorithms._kernels.ambiguity import fits
+from mapcli.algorithms._kernels.tiles import EMPTY, SIDE, slot_in, tiles_around
 
 Floats = NDArray[np.float64]
 Cell = tuple[int, int]
@@ -26,19 +27,26 @@ SHAPE = CELL, THICKNESS, DOUBT
 
 
 def empty_table(room: int) -> kernels.Table:
-    keys = np.full(4 * room, kernels.EMPTY, np.int64)
-    slots = np.zeros(4 * room, np.int64)
-    return keys, slots, np.zeros((room, 6)), np.zeros((room, 5)), np.zeros(room, np.int8)
+    """Room for so many tiles and slots, whole powers of two."""
+    places = np.full((2 * room, 2), EMPTY, np.int64)
+    sums = np.zeros((room, 8))
+    sums[0, 6:] = kernels.NOWHERE
+    tiles = np.zeros((room, SIDE, SIDE), np.int32)
+    return places, tiles, sums, np.zeros((room, 5)), np.zeros(room, np.int8)
 
 
-def table_of(points: Floats) -> tuple[kernels.Table, int]:
-    """A table with these points, and the number of cells in it."""
+def table_of(points: Floats) -> tuple[kernels.Table, tuple[int, int]]:
+    """A table with these points, and the numbers of tiles and slots in it."""
     room = 16
-    while room < len(points):
+    while room <= len(points):
         room *= 2
     table = empty_table(room)
-    keys, slots, moments, _, _ = table
-    return table, kernels.add_points(keys, slots, moments, 0, points, CELL)
+    return table, kernels.add_points(*table[:3], (1, 1), points, CELL)
+
+
+def slot_of(table: kernels.Table, cell: Cell) -> int:
+    around = tiles_around(table[0], *cell, 0)
+    return slot_in(around, table[1], *cell)
 
 
 def cells_of(points: Floats) -> dict[Cell, list[Floats]]:
@@ -70,74 +78,31 @@ def scattered(seed: int, count: int, extent: float) -> Floats:
     return points
 
 
-# --- the hash table
-
-
-@FEW
-@given(SEEDS, st.sampled_from([3, 40, 2**30 - 1]))
-def test_find_as_a_dictionary(seed: int, extent: int) -> None:
-    rng = np.random.default_rng(seed)
-    size = 64
-    keys, slots = np.full(size, kernels.EMPTY, np.int64), np.zeros(size, np.int64)
-    twin: dict[Cell, int] = {}
-    for number in range(size // 2):
-        u, v = rng.integers(-extent, extent, 2, endpoint=True).tolist()
-        at = kernels.find(keys, u, v)
-        assert (keys[at] != kernels.EMPTY) == ((u, v) in twin)
-        if (u, v) not in twin:
-            assert kernels.slot_of(keys, slots, u, v) == -1
-            # Any key will do that is not empty, as long as it is found again.
-            keys[at] = ((u + kernels.BIAS) << 31) | (v + kernels.BIAS)
-            slots[at] = twin[u, v] = number
-    for (u, v), number in twin.items():
-        assert kernels.slot_of(keys, slots, u, v) == number
+# --- points
 
 
 @FEW
 @given(SEEDS, st.integers(0, 200), st.sampled_from([0.1, 0.5, 500.0]))
 def test_add_points_as_its_twin(seed: int, count: int, extent: float) -> None:
     points = scattered(seed, count, extent)
-    (keys, slots, moments, _, _), used = table_of(points)
+    table, (_, used) = table_of(points)
     twin = cells_of(points)
-    assert used == len(twin)
-    assert (keys != kernels.EMPTY).sum() == used
-    for number, (cell, inside) in enumerate(twin.items()):
-        assert kernels.slot_of(keys, slots, *cell) == number  # in the order of their first points
-        expected = moments_of(inside, centre_of(cell))
-        assert moments[number] == pytest.approx(expected, abs=1e-9)
+    assert used == 1 + len(twin)
+    for number, (cell, inside) in enumerate(twin.items(), start=1):
+        assert slot_of(table, cell) == number  # in the order of their first points
+        *moments, x, y = table[2][number]
+        assert moments == pytest.approx(moments_of(inside, centre_of(cell)), abs=1e-9)
+        assert [x, y] == pytest.approx(np.mean(inside, axis=0))
+    assert table[2][0].tolist() == [0] * 6 + [kernels.NOWHERE] * 2
 
 
 def test_points_of_a_second_scan_go_into_the_same_cells() -> None:
     points = scattered(0, 120, 0.3)
-    (_, _, expected, _, _), used = table_of(points)
-    table, halfway = table_of(points[:50])
-    keys, slots, moments, _, _ = table
-    larger = np.zeros_like(expected)
-    larger[:halfway] = moments[:halfway]
-    keys, slots = rehashed(keys, slots, 4 * len(larger))
-    assert kernels.add_points(keys, slots, larger, halfway, points[50:], CELL) == used
-    assert np.array_equal(larger, expected)
-
-
-def rehashed(
-    keys: NDArray[np.int64], slots: NDArray[np.int64], size: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    larger = np.full(size, kernels.EMPTY, np.int64), np.zeros(size, np.int64)
-    kernels.rehash(keys, slots, *larger)
-    return larger
-
-
-@FEW
-@given(SEEDS, st.sampled_from([0.1, 500.0]))
-def test_rehash_keeps_every_cell(seed: int, extent: float) -> None:
-    points = scattered(seed, 100, extent)
-    (keys, slots, _, _, _), used = table_of(points)
-    new_keys, new_slots = rehashed(keys, slots, 4 * len(keys))
-    assert (new_keys != kernels.EMPTY).sum() == used
-    for u, v in cells_of(points):
-        for cell in ((u, v), (u + 1, v), (u, v - 1)):
-            found = kernels.slot_of(new_keys, new_slots, *cell)
-            assert found == kernels.slot_of(keys, slots, *cell)
+    expected, used = table_of(points)
+    table = empty_table(len(expected[2]))
+    halfway = kernels.add_points(*table[:3], (1, 1), points[:50], CELL)
+    assert kernels.add_points(*table[:3], halfway, points[50:], CELL) == used
+    assert np.array_equal(table[2], expected[2])
 
 
 # --- surfels
@@ -161,10 +126,10 @@ def slow_patch(cells: dict[Cell, list[Floats]], at: Cell) -> list[float]:
 @given(SEEDS, st.integers(1, 150), st.sampled_from([0.2, 0.5, 2.0]))
 def test_patch_as_its_twin(seed: int, count: int, extent: float) -> None:
     points = scattered(seed, count, extent)
-    (keys, slots, moments, _, _), _ = table_of(points)
+    table, _ = table_of(points)
     cells = cells_of(points)
     for cell in list(cells)[:20]:
-        found = kernels.patch(keys, slots, moments, *cell, CELL)
+        found = kernels.patch(*table[:3], *cell, CELL)
         assert found == pytest.approx(slow_patch(cells, cell), abs=1e-9)
 
 
@@ -235,9 +200,9 @@ def test_nearest_surfel_as_its_twin(seed: int, count: int, extent: float) -> Non
         cell = slow_nearest(cells, x, y)
         slot = kernels.nearest_surfel(table, x, y, CELL, THICKNESS)
         if cell is None:
-            assert slot == -1
+            assert slot == 0
             continue
-        assert slot == kernels.slot_of(table[0], table[1], *cell)
+        assert slot == slot_of(table, cell)
         expected = np.zeros((1, 5))
         around = kernels.patch(*table[:3], *cell, CELL)
         kernels.make_surfel(around, tuple(centre_of(cell).tolist()), THICKNESS, expected, 0)
@@ -260,7 +225,7 @@ def test_associate_is_nearest_surfel_of_each_point(seed: int) -> None:
         kernels.nearest_surfel(table, x, y, CELL, THICKNESS) for x, y in moved(points[3:35], pose)
     ]
     assert partners.tolist() == [-9] * 3 + expected + [-9] * (len(points) - 35)
-    assert fitted == sum(partner >= 0 for partner in expected)
+    assert fitted == sum(partner > 0 for partner in expected)
 
 
 # --- the fit
@@ -272,7 +237,7 @@ def robust_cost(
     """What Gauss-Newton brings down: squared deviations q of the points, levelled off."""
     cost = 0.0
     for point, partner in zip(moved(points, pose), partners, strict=True):
-        if partner >= 0:
+        if partner > 0:
             x, y, xx, xy, yy = surfels[partner]
             gap = np.array([x, y]) - point
             q = gap @ np.array([[xx, xy], [xy, yy]]) @ gap
@@ -336,7 +301,7 @@ def test_the_normal_matrix_as_its_twin(seed: int) -> None:
     normal, _ = linearised(surfels, partners, points, pose)
     expected = np.zeros((3, 3))
     for point, partner in zip(points, partners, strict=True):
-        if partner >= 0:
+        if partner > 0:
             x, y, xx, xy, yy = surfels[partner]
             information = np.array([[xx, xy], [xy, yy]])
             rx, ry = moved(point[None], np.array([0, 0, pose[2]]))[0]
@@ -360,8 +325,8 @@ def test_a_part_of_the_points_is_linearised() -> None:
 
 
 def test_a_points_say_falls_to_a_quarter_at_the_doubt() -> None:
-    surfels = np.array([[0.0, 0.0, 100.0, 0.0, 100.0]])
-    partners, pose = np.zeros(1, np.int64), np.zeros(3)
+    surfels = np.array([[0.0] * 5, [0.0, 0.0, 100.0, 0.0, 100.0]])
+    partners, pose = np.ones(1, np.int64), np.zeros(3)
     for deviations, say in ((0.0, 1.0), (DOUBT, 0.25)):
         point = np.array([[deviations / 10, 0.0]])
         normal, gradient = linearised(surfels, partners, point, pose)

@@ -10,16 +10,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels import surfels as kernels
 from mapcli.algorithms._kernels.surfel_fit import fit_scans
+from mapcli.algorithms._kernels.tiles import EMPTY, SIDE, rehash
 from mapcli.model.pose import Pose2D, wrap_angle
 
-START = 1 << 10
-"""Cells that a new map has room for."""
+START, START_TILES = 1 << 10, 1 << 9
+"""Cells, and tiles of cells, that a new map has room for."""
+
+AT_ONCE = 10_000
+"""Points that there is room made for, lest a large map takes room for as many tiles as points."""
 
 NO_IDEA = (math.inf, math.inf)
 """How far off a pose may be, metres and radians, of which odometry says nothing."""
@@ -93,35 +98,36 @@ class SurfelMap:
 
     def __init__(self, cell: float, parameters: SurfelParameters | None = None) -> None:
         self.cell, self.parameters = cell, parameters or SurfelParameters()
-        self._used = 0
-        self._keys = np.full(4 * START, kernels.EMPTY, np.int64)
-        self._slots = np.zeros(4 * START, np.int64)
-        self._moments = np.zeros((START, 6))
+        self._used = 1, 1  # of tiles and slots; the first of both are the empty ones
+        self._places = np.full((2 * START_TILES, 2), EMPTY, np.int64)
+        self._tiles = np.zeros((START_TILES, SIDE, SIDE), np.int32)
+        self._sums = np.zeros((START, 8))
+        self._sums[0, 6:] = kernels.NOWHERE
         self._surfels = np.zeros((START, 5))
         self._states = np.zeros(START, np.int8)
 
     def add(self, points: NDArray[np.float64]) -> None:
         """Add ends of beams, shape (n, 2), metres in the world."""
-        self._make_room(self._used + len(points))
-        self._used = kernels.add_points(
-            self._keys, self._slots, self._moments, self._used, points, self.cell
-        )
-        self._states[: self._used] = kernels.STALE
+        for first in range(0, len(points), AT_ONCE):
+            some = points[first : first + AT_ONCE]
+            self._make_room(len(some))
+            self._used = kernels.add_points(
+                self._places, self._tiles, self._sums, self._used, some, self.cell
+            )
+        self._states[: self._used[1]] = kernels.STALE
 
-    def _make_room(self, needed: int) -> None:
-        room = len(self._moments)
-        if needed <= room:
-            return
-        while room < needed:
-            room *= 2
-        keys = np.full(4 * room, kernels.EMPTY, np.int64)
-        slots = np.zeros(4 * room, np.int64)
-        kernels.rehash(self._keys, self._slots, keys, slots)
-        self._keys, self._slots = keys, slots
-        moments = np.zeros((room, 6))
-        moments[: self._used] = self._moments[: self._used]
-        self._moments = moments
-        self._surfels, self._states = np.zeros((room, 5)), np.zeros(room, np.int8)
+    def _make_room(self, more: int) -> None:
+        """Have room for so many more tiles and slots."""
+        tiles, slots = (count + more for count in self._used)
+        if tiles > len(self._tiles):
+            self._tiles = _longer(self._tiles, tiles)
+            places = np.full((2 * len(self._tiles), 2), EMPTY, np.int64)
+            rehash(self._places, places)
+            self._places = places
+        if slots > len(self._sums):
+            self._sums = _longer(self._sums, slots)
+            self._surfels = np.zeros((len(self._sums), 5))
+            self._states = np.zeros(len(self._sums), np.int8)
 
     def fit(
         self,
@@ -178,7 +184,7 @@ class SurfelMap:
         share = 1 / p.independent
         systems, fitted = np.empty((scans, 6)), np.empty(scans, np.int64)
         fit_scans(
-            (self._keys, self._slots, self._moments, self._surfels, self._states),
+            (self._places, self._tiles, self._sums, self._surfels, self._states),
             points,
             bounds,
             poses,
@@ -191,3 +197,13 @@ class SurfelMap:
             fitted,
         )
         return poses, p.independent * systems, fitted
+
+
+def _longer(table: NDArray[Any], least: int) -> NDArray[Any]:
+    """A table of at least so many rows, twice as many as before or more; the new ones are 0."""
+    rows = len(table)
+    while rows < least:
+        rows *= 2
+    longer = np.zeros((rows, *table.shape[1:]), table.dtype)
+    longer[: len(table)] = table
+    return longer

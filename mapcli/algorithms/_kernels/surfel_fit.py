@@ -50,7 +50,7 @@ def fit_scans(
             the prediction's say has fallen to a quarter).
         shape: (cell, thickness of a wall, deviations at which a point's say is a quarter).
         rounds: how often at most each point looks for its wall anew.
-        partners: as many as points, filled with their walls' slots, -1 for none.
+        partners: as many as points, filled with their walls' slots, 0 for none.
         systems: shape (scans, 6), filled with the upper triangles of the normal matrices at the
             poses, from the points alone.
         fitted: filled with how many points of each scan have a wall.
@@ -122,7 +122,7 @@ def associate(
         px, py = points[p, 0], points[p, 1]
         at = nearest_surfel(table, x + c * px - s * py, y + s * px + c * py, shape[0], shape[1])
         partners[p] = at
-        fitted += at >= 0
+        fitted += at > 0
     return fitted
 
 
@@ -139,7 +139,7 @@ def linearise(
     """How badly points `first` to `last` - 1 fit at a pose, as normal equations.
 
     Args:
-        surfels, partners: the walls, and which one each point is at, -1 for none.
+        surfels, partners: the walls, and which one each point is at, 0 for none.
         doubt: deviations at which a point's say is a quarter.
     """
     x, y, theta = pose
@@ -147,7 +147,7 @@ def linearise(
     n_xx = n_xy = n_xt = n_yy = n_yt = n_tt = g_x = g_y = g_t = 0.0
     for p in range(first, last):
         at = partners[p]
-        if at < 0:
+        if at == 0:
             continue
         px, py = points[p, 0], points[p, 1]
         rx, ry = c * px - s * py, s * px + c * py
