@@ -80,6 +80,17 @@ def points_of(perception: Perception, cell: float) -> NDArray[np.float64]:
     return thinned(perception.hits, cell)
 
 
+def window_box(
+    points: NDArray[np.float64], centre: Pose2D, half_xy: float, half_turn: float
+) -> NDArray[np.float64]:
+    """The lowest and the highest (x, y) where points may lie at the poses of a window."""
+    radius = math.sqrt(float((points**2).sum(axis=1).max()))
+    seen, middle = centre.apply(points), np.array([centre.x, centre.y])
+    low = np.maximum(seen.min(axis=0) - half_turn * radius, middle - radius)
+    high = np.minimum(seen.max(axis=0) + half_turn * radius, middle + radius)
+    return np.array([low - half_xy, high + half_xy])
+
+
 class ScanInMap:
     """A scan held against a map at this pose or that, without a search.
 
@@ -244,11 +255,10 @@ class _Window:
 
     def _cover(self, half_xy: float, half_turn: float) -> None:
         """Make the map hold every point of every pose in the window."""
-        slack = half_xy + self.cell + self.radius * (half_turn + self.turn_step)
-        if self.grid.holds(self.predicted, self.radius + slack):
-            return
-        points = self.predicted.apply(self.points * self.cell)
-        self.grid.cover(points.min(axis=0) - slack, points.max(axis=0) + slack)
+        far = half_xy + self.cell
+        if not self.grid.holds(self.predicted, self.radius + far):
+            points, turn = self.points * self.cell, half_turn + self.turn_step
+            self.grid.cover(*window_box(points, self.predicted, far, turn))
 
     def _refine(self, near: Pose2D) -> tuple[Pose2D, NDArray[np.float64] | None]:
         """The last millimetres, unless they lead astray."""

@@ -18,16 +18,13 @@ from mapcli.algorithms._kernels import matching as kernels
 from mapcli.algorithms._kernels.ambiguity import fits
 from mapcli.algorithms.keyframes import Keyframe, around
 from mapcli.algorithms.likelihood import LEVEL_WIDTHS
-from mapcli.algorithms.matching import thinned
+from mapcli.algorithms.matching import thinned, window_box
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.surfels import covariance_of
 from mapcli.model.pose import Pose2D
 
 TURN_STEP = math.radians(0.5)
-
-ROOM_M = 3.0
-"""Metres around a map that are likely to be searched."""
 
 STRIDE = 2
 """Cells between poses that are asked whether they would have fitted as well."""
@@ -117,9 +114,10 @@ class StretchMatcher:
         points = self.points(new)
         if not len(points):
             return None
-        grid, cell = self.map_around(old), self.map.resolution
+        cell = self.map.resolution
         half = math.ceil(window[0] / cell), math.ceil(window[1] / TURN_STEP)
-        self._cover(grid, points, predicted, half)
+        far, turn = (half[0] + max(LEVEL_WIDTHS)) * cell, (half[1] + 1) * TURN_STEP
+        grid = self.map_around(old, window_box(points, predicted, far, turn))
         start = grid.pose_to_cells(predicted)
         cells = thinned(points, self.parameters.search_cell) / cell
         du, dv, turn, _, _ = kernels.search(
@@ -137,20 +135,6 @@ class StretchMatcher:
         covariance += turned(doubt, -fit.pose.theta)
         return StretchMatch(fit.pose, covariance, score, known / len(cells), at_edge)
 
-    def _cover(
-        self,
-        grid: OccupancyGrid,
-        points: NDArray[np.float64],
-        predicted: Pose2D,
-        half: tuple[int, int],
-    ) -> None:
-        """Make a map hold every point of every pose in a window, cells and turns to each side."""
-        radius = math.sqrt(float((points**2).sum(axis=1).max()))
-        slack = (half[0] + max(LEVEL_WIDTHS)) * self.map.resolution
-        slack += radius * (half[1] + 1) * TURN_STEP
-        seen = predicted.apply(points)
-        grid.cover(seen.min(axis=0) - slack, seen.max(axis=0) + slack)
-
     def points(self, anchor: int) -> NDArray[np.float64]:
         """What was seen around a keyframe, shape (n, 2), in its frame."""
         p, origin = self.parameters, self.keyframes[anchor].pose
@@ -160,24 +144,30 @@ class StretchMatcher:
         ]
         return thinned(np.concatenate(seen), p.cell)
 
-    def map_around(self, anchor: int) -> OccupancyGrid:
-        """The map that was made around a keyframe, in its frame."""
-        if anchor in self._maps:
-            self._maps.move_to_end(anchor)
-            return self._maps[anchor]
+    def map_around(self, anchor: int, room: NDArray[np.float64] | None = None) -> OccupancyGrid:
+        """The map that was made around a keyframe, in its frame; it holds a box as well, the
+        lowest and the highest (x, y)."""
+        grid = self._maps.pop(anchor, None) or self._make_map(anchor, room)
+        if room is not None:
+            grid.cover(*room)
+        self._maps[anchor] = grid
+        if len(self._maps) > self.parameters.maps:
+            self._maps.popitem(last=False)
+        return grid
+
+    def _make_map(self, anchor: int, room: NDArray[np.float64] | None) -> OccupancyGrid:
+        """`map_around`, which has room for the box from the start, so that it need not grow."""
         grid, origin = OccupancyGrid(self.map), self.keyframes[anchor].pose
         chosen = self._some(anchor, self.parameters.map_m)
         poses = [origin.between(self.keyframes[k].pose) for k in chosen]
         seen = [self._near(k) for k in chosen]
-        ends = np.concatenate([p.apply(s.hits) for p, s in zip(poses, seen, strict=True)])
-        if len(ends):  # with room for the window that will be searched
-            grid.cover(ends.min(axis=0) - ROOM_M, ends.max(axis=0) + ROOM_M)
+        ends = [pose.apply(one.hits) for pose, one in zip(poses, seen, strict=True)]
+        held = np.concatenate(ends if room is None else [*ends, room])
+        if len(held):
+            grid.cover(held.min(axis=0), held.max(axis=0))
         for pose, perception in zip(poses, seen, strict=True):
             grid.integrate(pose, perception, field=False)
         grid.make_field()
-        self._maps[anchor] = grid
-        if len(self._maps) > self.parameters.maps:
-            self._maps.popitem(last=False)
         return grid
 
     def _near(self, keyframe: int) -> Perception:
