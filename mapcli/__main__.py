@@ -1,5 +1,5 @@
 """`python -m mapcli`."""
 
-from mapcli.cli import main
+from mapcli.cli import run
 
-main()
+run()

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import textwrap
+
 import pytest
 
 import mapcli.cli
@@ -56,3 +60,34 @@ def test_a_near_miss_is_guessed(capsys: pytest.CaptureFixture[str]) -> None:
         main(["slam-repla"])
     assert leaving.value.code == 2
     assert "Did you mean 'slam-replay'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "where"),
+    [(["--version"], 0, "out"), (["info", "missing.txt"], 1, "err"), (["--nothing"], 2, "err")],
+)
+def test_leaving_at_once_loses_nothing(arguments: list[str], status: int, where: str) -> None:
+    done = subprocess.run([sys.executable, "-m", "mapcli", *arguments], capture_output=True)
+    assert done.returncode == status
+    said = {"out": done.stdout, "err": done.stderr}
+    assert said.pop(where)
+    assert not any(said.values())
+
+
+def test_what_is_to_be_done_at_the_end_is_done() -> None:
+    program = """
+        import atexit
+        from mapcli.cli import run
+        atexit.register(print, "tidied up")
+        run()
+    """
+    leave = [sys.executable, "-c", textwrap.dedent(program), "--version"]
+    done = subprocess.run(leave, capture_output=True, text=True)
+    assert done.stdout.endswith("tidied up\n")
+    assert done.returncode == 0
+
+
+def test_nobody_reads_any_more() -> None:
+    command = f"{sys.executable} -m mapcli --help | true; echo ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("0\n", "")
