@@ -43,6 +43,9 @@ MODULES = {"import": "import_log"}
 
 EXIT_DATA, EXIT_QUALITY, EXIT_INTERRUPTED = 1, 3, 130
 
+EXIT_UNREAD = 0
+"""The reader of our stdout has gone (`| head`); that is no fault of ours."""
+
 
 class LazyGroup(click.Group):
     """A group that knows its subcommands' names and imports the one that runs."""
@@ -94,7 +97,7 @@ def main(args: Sequence[str] | None = None) -> None:
     0 done, 1 data or machine failed, 2 wrong usage, 3 quality limit not met, 130 interrupted.
     """
     arguments = list(sys.argv[1:] if args is None else args)
-    debug = "--debug" in arguments
+    debug, stdout = "--debug" in arguments, sys.stdout
     try:
         status = cli.main(arguments, prog_name="mapcli", standalone_mode=False)
         sys.stdout.flush()
@@ -106,9 +109,10 @@ def main(args: Sequence[str] | None = None) -> None:
         click.echo("Interrupted.", err=True)
         sys.exit(EXIT_INTERRUPTED)
     except BrokenPipeError:
-        # The reader of our stdout has gone (`| head`); that is no fault of ours.
-        sys.stderr.close()
-        sys.exit(0)
+        sys.exit(EXIT_UNREAD)
+    except SystemExit as leaving:
+        # Click, which has replaced the stream, takes a broken pipe for a failure.
+        sys.exit(leaving.code if sys.stdout is stdout else EXIT_UNREAD)
     except (MapcliError, OSError, MemoryError) as error:
         if debug:
             print_traceback()
