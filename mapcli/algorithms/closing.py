@@ -15,9 +15,6 @@ from mapcli.algorithms.surfels import SurfelMap
 from mapcli.model.pose import Pose2D
 from mapcli.model.trace import Information, Loop
 
-AT_ONCE = 1000
-"""Scans that are refitted in one go."""
-
 
 @dataclass(frozen=True)
 class RefineParameters:
@@ -114,14 +111,12 @@ def refit(
     parameters: RefineParameters,
 ) -> list[Pose2D]:
     """Poses of scans fitted to the walls, unless these say too little or lead astray."""
+    starts = [poses[scan] for scan in scans]
     refitted = []
-    for first in range(0, len(scans), AT_ONCE):
-        some = scans[first : first + AT_ONCE]
-        starts = [poses[scan] for scan in some]
-        fits = walls.fit_each([track.points[scan] for scan in some], starts)
-        for start, (pose, fitted) in zip(starts, fits, strict=True):
-            near = start.distance(pose) <= parameters.farthest_m
-            refitted.append(pose if near and fitted >= parameters.fewest else start)
+    fits = walls.fit_each([track.points[scan] for scan in scans], starts)
+    for start, (pose, fitted) in zip(starts, fits, strict=True):
+        near = start.distance(pose) <= parameters.farthest_m
+        refitted.append(pose if near and fitted >= parameters.fewest else start)
     return refitted
 
 

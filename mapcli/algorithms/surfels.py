@@ -9,6 +9,8 @@ cells with their distributions, Biber and Strasser 2003).
 from __future__ import annotations
 
 import math
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +24,9 @@ from mapcli.model.pose import Pose2D, wrap_angle
 
 START, START_TILES = 1 << 10, 1 << 9
 """Cells, and tiles of cells, that a new map has room for."""
+
+SCANS_AT_ONCE = 200
+"""Scans that one processor fits before it looks for more."""
 
 AT_ONCE = 10_000
 """Points that there is room made for, lest a large map takes room for as many tiles as points."""
@@ -161,7 +166,22 @@ class SurfelMap:
     def fit_each(
         self, scans: list[NDArray[np.float32]], starts: list[Pose2D]
     ) -> list[tuple[Pose2D, int]]:
-        """What `fit` finds for each of many scans, without a prediction: pose and `fitted`."""
+        """What `fit` finds for each of many scans, without a prediction: pose and `fitted`.
+
+        Scans are fitted on all processors, each by itself, so that the result is always the same.
+        """
+        kernels.renew_all(self._table(), self._used[1], self.cell, self.parameters.thickness)
+        n = SCANS_AT_ONCE
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            fits = pool.map(
+                lambda first: self._fit_some(scans[first : first + n], starts[first : first + n]),
+                range(0, len(scans), n),
+            )
+            return [fit for some in fits for fit in some]
+
+    def _fit_some(
+        self, scans: list[NDArray[np.float32]], starts: list[Pose2D]
+    ) -> list[tuple[Pose2D, int]]:
         begin = np.array([(pose.x, pose.y, pose.theta) for pose in starts], np.float64)
         points = np.concatenate(scans).astype(np.float64)
         bounds = np.cumsum([0, *(len(scan) for scan in scans)])
@@ -170,6 +190,9 @@ class SurfelMap:
             (Pose2D(x, y, wrap_angle(theta)), n)
             for (x, y, theta), n in zip(poses.tolist(), fitted.tolist(), strict=True)
         ]
+
+    def _table(self) -> kernels.Table:
+        return self._places, self._tiles, self._sums, self._surfels, self._states
 
     def _fit(
         self,
@@ -184,7 +207,7 @@ class SurfelMap:
         share = 1 / p.independent
         systems, fitted = np.empty((scans, 6)), np.empty(scans, np.int64)
         fit_scans(
-            (self._places, self._tiles, self._sums, self._surfels, self._states),
+            self._table(),
             points,
             bounds,
             poses,

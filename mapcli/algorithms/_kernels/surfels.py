@@ -135,14 +135,29 @@ def nearest_surfel(table: Table, x: float, y: float, cell: float, thickness: flo
 
     0 where there is none, or no wall can be told from the points.
     """
-    places, tiles, sums, surfels, states = table
+    places, tiles, sums, _, states = table
     best = nearest_cell(places, tiles, sums, x, y, cell)
     if best and states[best] == STALE:
-        u, v = floor(sums[best, 6] / cell), floor(sums[best, 7] / cell)
-        around = patch(places, tiles, sums, u, v, cell)
-        centre = ((u + 0.5) * cell, (v + 0.5) * cell)
-        states[best] = make_surfel(around, centre, thickness, surfels, best)
+        renew(table, best, cell, thickness)
     return best if states[best] == FRESH else 0
+
+
+@kernel
+def renew(table: Table, slot: int, cell: float, thickness: float) -> None:
+    """Make the surfel of a cell from the points that are there by now."""
+    places, tiles, sums, surfels, states = table
+    u, v = floor(sums[slot, 6] / cell), floor(sums[slot, 7] / cell)
+    around = patch(places, tiles, sums, u, v, cell)
+    centre = ((u + 0.5) * cell, (v + 0.5) * cell)
+    states[slot] = make_surfel(around, centre, thickness, surfels, slot)
+
+
+@kernel
+def renew_all(table: Table, used: int, cell: float, thickness: float) -> None:
+    """Make the surfels of all cells in use, so that fitting only reads."""
+    for slot in range(1, used):
+        if table[4][slot] == STALE:
+            renew(table, slot, cell, thickness)
 
 
 @kernel
