@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels import matching as kernels
-from mapcli.algorithms._kernels.mapping import update_field
+from mapcli.algorithms._kernels.likelihood import update_field
 from mapcli.algorithms.likelihood import LEVEL_WIDTHS
 from mapcli.algorithms.occupancy import MapParameters
 

@@ -2,7 +2,7 @@
 
 255 on a wall, falling off as a Gaussian around it, with coarser levels that bound it over squares
 of cells for the branch and bound of `matching`. While a map grows, its field follows the cells that
-change (`_kernels.mapping.update_field`); here it is made in one go.
+change (`_kernels.likelihood.update_field`); here it is made in one go.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms._kernels.mapping import WALL, update_field
+from mapcli.algorithms._kernels.likelihood import WALL, update_field
 
 LEVEL_WIDTHS = np.array([1, 2, 4, 16], dtype=np.int64)
 """Cells a side that one value of each level of the field bounds."""

@@ -15,12 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms._kernels.mapping import (
-    bridge_walls,
-    integrate_beams,
-    place_beams,
-    update_field,
-)
+from mapcli.algorithms._kernels.likelihood import bridge_walls, update_field
+from mapcli.algorithms._kernels.mapping import integrate_beams, place_beams
 from mapcli.algorithms.likelihood import LEVEL_WIDTHS, bump_of, make_levels
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.surfels import SurfelMap

@@ -1,26 +1,24 @@
-"""Writing a scan into the map: the beams through the log-odds grid, the field around its walls.
+"""Writing a scan into the map: its beams through the log-odds grid.
 
 Grids here are bottom-up: `[v, u]` with u along x and v along y, in cells. Callers see to it that
-every beam, and every wall's surroundings, lie inside the arrays.
+every beam lies inside the arrays.
 """
 
 from __future__ import annotations
 
-from math import cos, floor, sin, sqrt
+from math import cos, floor, sin
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels.compiling import kernel
+from mapcli.algorithms._kernels.likelihood import WALL
 
 SEEN = 1 << 14
 """Added to the log-odds of a cell that the current scan has already touched."""
 IS_SEEN = 1 << 13
 FAR = 1 << 62
 """Beyond every cell."""
-
-WALL = 255
-"""The likelihood field's value on a wall."""
 
 
 @kernel
@@ -176,117 +174,3 @@ def pass_cells(
             next_v += share_v
             at += step_v
     return n_touched, n_changed
-
-
-@kernel
-def update_field(
-    fields: NDArray[np.uint8],
-    widths: NDArray[np.int64],
-    log_odds: NDArray[np.int16],
-    changed: NDArray[np.int64],
-    bump: NDArray[np.uint8],
-) -> None:
-    """Bring the likelihood field up to date around cells that changed.
-
-    `fields[0]` holds, for every cell, the highest `bump` of the occupied cells around it;
-    `fields[k][v, u]` bounds `fields[0]` over the `widths[k]` x `widths[k]` cells from (v, u) up
-    and right. Where a wall vanishes the bounds stay: still bounds, only less tight, and walls
-    vanish seldom.
-
-    Args:
-        fields: shape (levels, rows, columns), changed in place.
-        widths: shape (levels,), the first is 1; levels beyond them are left as they are.
-        log_odds: the map, already changed.
-        changed: the cells' numbers, row times columns plus column.
-        bump: shape (2 r + 1, 2 r + 1), falling from its centre outward.
-    """
-    r, columns = len(bump) // 2, log_odds.shape[1]
-    for k in range(len(changed)):
-        v, u = changed[k] // columns, changed[k] % columns
-        if log_odds[v, u] > 0:
-            raise_field(fields, widths, v, u, bump)
-    for k in range(len(changed)):
-        v, u = changed[k] // columns, changed[k] % columns
-        if log_odds[v, u] <= 0:
-            for y in range(v - r, v + r + 1):
-                for x in range(u - r, u + r + 1):
-                    fields[0, y, x] = highest_bump(log_odds, y, x, bump)
-
-
-@kernel
-def highest_bump(log_odds: NDArray[np.int16], v: int, u: int, bump: NDArray[np.uint8]) -> np.uint8:
-    """The field at one cell, from the occupied cells around it."""
-    r = len(bump) // 2
-    best = np.uint8(0)
-    for dv in range(-r, r + 1):
-        for du in range(-r, r + 1):
-            if log_odds[v + dv, u + du] > 0:
-                best = max(best, bump[dv + r, du + r])
-    return best
-
-
-@kernel
-def raise_field(
-    fields: NDArray[np.uint8], widths: NDArray[np.int64], v: int, u: int, bump: NDArray[np.uint8]
-) -> None:
-    """Put the bump of one wall cell into the field and its bounds."""
-    r = len(bump) // 2
-    for level in range(len(widths)):
-        reach = r + widths[level] - 1
-        for dv in range(-reach, r + 1):
-            near_v = min(max(dv, 0), dv + widths[level] - 1)
-            for du in range(-reach, r + 1):
-                near_u = min(max(du, 0), du + widths[level] - 1)
-                value = bump[near_v + r, near_u + r]
-                if fields[level, v + dv, u + du] < value:
-                    fields[level, v + dv, u + du] = value
-
-
-LONGEST_BRIDGE = 12.0
-"""Cells between two beams' ends that may be one wall."""
-STRAIGHT = 0.97
-"""Cosine of the largest turn that a wall makes from one beam's end to the next."""
-
-
-@kernel
-def bridge_walls(
-    fields: NDArray[np.uint8],
-    widths: NDArray[np.int64],
-    log_odds: NDArray[np.int16],
-    ends: NDArray[np.float64],
-    bump: NDArray[np.uint8],
-) -> None:
-    """Raise the field between neighbouring ends of beams that lie on a straight wall.
-
-    Far walls are hit here and there only. In a field of dots a scan fits best where its own dots
-    fall on those of the scan before, that is where the robot has not moved. Only cells of which
-    nothing is known are taken for wall, and a beam that passes there undoes it.
-
-    Args:
-        ends: shape (n, 2), the (u, v) of hits, in the order of the beams.
-    """
-    n = len(ends)
-    for k in range(n - 1):
-        du, dv = ends[k + 1, 0] - ends[k, 0], ends[k + 1, 1] - ends[k, 1]
-        length = sqrt(du * du + dv * dv)
-        if length < 1.5 or length > LONGEST_BRIDGE:
-            continue
-        if not (goes_on(ends, k - 1, du, dv, length) or goes_on(ends, k + 1, du, dv, length)):
-            continue
-        steps = floor(length)
-        for i in range(1, steps + 1):
-            share = i / (steps + 1)
-            u, v = floor(ends[k, 0] + share * du), floor(ends[k, 1] + share * dv)
-            if log_odds[v, u] == 0 and fields[0, v, u] < WALL:
-                raise_field(fields, widths, v, u, bump)
-
-
-@kernel
-def goes_on(ends: NDArray[np.float64], k: int, du: float, dv: float, length: float) -> bool:
-    """Whether the way from end k to the next is straight on with (du, dv), and about as long."""
-    if k < 0 or k + 1 >= len(ends):
-        return False
-    on_u, on_v = ends[k + 1, 0] - ends[k, 0], ends[k + 1, 1] - ends[k, 1]
-    on = sqrt(on_u * on_u + on_v * on_v)
-    alike = on <= 2 * length and length <= 2 * on
-    return alike and on_u * du + on_v * dv >= STRAIGHT * on * length

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels.compiling import kernel
-from mapcli.algorithms._kernels.mapping import WALL
+from mapcli.algorithms._kernels.likelihood import WALL
 
 FULL = float(WALL)
 """The field's value on a wall."""
@@ -110,7 +110,7 @@ def search(
     in it, so nodes that cannot beat the best pose so far are never opened.
 
     Args:
-        fields, widths: see `mapping.update_field`.
+        fields, widths: see `likelihood.update_field`.
         points: shape (n, 2).
         start: (u, v, theta), the pose from odometry.
         half: (cells, turns): the window's half-widths in cells and in turns.
