@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.dead_reckoning import OdometryModel
 from mapcli.algorithms.keyframes import Track
-from mapcli.algorithms.matching import thinned
 from mapcli.algorithms.occupancy import MapParameters
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.raycast import cast, edges_of
+from mapcli.algorithms.scan_points import thinned
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Odometry, RangeScan, Record
 from mapcli.model.world import World

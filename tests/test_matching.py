@@ -9,10 +9,11 @@ import pytest
 
 from mapcli.algorithms.dead_reckoning import OdometryModel, Spread
 from mapcli.algorithms.match import Match, MatchParameters
-from mapcli.algorithms.matching import FIFTEEN, ScanInMap, best_of_fifteen, best_pose, thinned
+from mapcli.algorithms.matching import FIFTEEN, ScanInMap, best_of_fifteen, best_pose
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.raycast import cast, edges_of
+from mapcli.algorithms.scan_points import thinned
 from mapcli.algorithms.similarity import SIMILARITIES
 from mapcli.algorithms.similarity_table import scan_table
 from mapcli.model.perception import ScanPerception, Standpoint

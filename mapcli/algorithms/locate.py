@@ -10,9 +10,9 @@ import numpy as np
 from mapcli.algorithms._kernels import matching as kernels
 from mapcli.algorithms.likelihood import LEVEL_WIDTHS
 from mapcli.algorithms.match import Match, MatchParameters
-from mapcli.algorithms.matching import thinned
 from mapcli.algorithms.occupancy import OccupancyGrid
 from mapcli.algorithms.perception import Perception
+from mapcli.algorithms.scan_points import thinned
 from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
 

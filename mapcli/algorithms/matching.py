@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +30,7 @@ from mapcli.algorithms.match import Lately, Match, MatchParameters
 from mapcli.algorithms.occupancy import OccupancyGrid
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.perception_map import outline
+from mapcli.algorithms.scan_points import ScanPoints, points_of, window_box
 from mapcli.algorithms.similarity import SignMap, Similarity, better, of_counts
 from mapcli.algorithms.similarity_table import scan_counts
 from mapcli.model.perception import STEPS, TURNS_DEG
@@ -64,46 +64,28 @@ def best_pose(
     if parameters.search == "book":
         return best_of_fifteen(grid, perception, predicted, parameters.similarity)
     points = points_of(perception, grid.parameters.resolution)
-    if parameters.search == "none" or len(points) < parameters.fewest:
+    if parameters.search == "none" or len(points.metres) < parameters.fewest:
         return Match(predicted, 0.0, 0, found=False)
     return _Window(grid, points, predicted, spread, parameters).best(lately or Lately())
-
-
-def thinned(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """One point per square of side `cell`, so that near walls do not outvote far ones."""
-    return points[kernels.thin(points, cell)]
-
-
-@lru_cache(maxsize=1)
-def points_of(perception: Perception, cell: float) -> NDArray[np.float64]:
-    """The hits of a scan, thinned; the last scan's are kept, since they are asked for again."""
-    return thinned(perception.hits, cell)
-
-
-def window_box(
-    points: NDArray[np.float64], centre: Pose2D, half_xy: float, half_turn: float
-) -> NDArray[np.float64]:
-    """The lowest and the highest (x, y) where points may lie at the poses of a window."""
-    radius = math.sqrt(float((points**2).sum(axis=1).max()))
-    seen, middle = centre.apply(points), np.array([centre.x, centre.y])
-    low = np.maximum(seen.min(axis=0) - half_turn * radius, middle - radius)
-    high = np.minimum(seen.max(axis=0) + half_turn * radius, middle + radius)
-    return np.array([low - half_xy, high + half_xy])
 
 
 class ScanInMap:
     """A scan held against a map at this pose or that, without a search.
 
     Attributes:
-        grid: the map; points: the scan's, in the robot's frame.
+        grid: the map; size: how many points the scan has.
     """
 
     def __init__(
         self, grid: OccupancyGrid, perception: Perception, parameters: MatchParameters
     ) -> None:
         self.grid, self.parameters = grid, parameters
-        self.points = points_of(perception, grid.parameters.resolution)
+        self._points = points_of(perception, grid.parameters.resolution)
         self._last: _Window | None = None
+
+    @property
+    def size(self) -> int:
+        return len(self._points.metres)
 
     def contradictions(self, pose: Pose2D, spread: Spread) -> int:
         """Points where the map knows that there is no wall."""
@@ -117,12 +99,12 @@ class ScanInMap:
         return match if match.found else replace(match, pose=predicted)
 
     def _says_something(self) -> bool:
-        return len(self.points) >= self.parameters.fewest
+        return self.size >= self.parameters.fewest
 
     def _window(self, pose: Pose2D, spread: Spread) -> _Window:
         """A window around a pose; the last one, moved, since making one takes longer than a look
         through it."""
-        window = self._last or _Window(self.grid, self.points, pose, spread, self.parameters)
+        window = self._last or _Window(self.grid, self._points, pose, spread, self.parameters)
         window.predicted, window.spread, self._last = pose, spread, window
         return window
 
@@ -133,7 +115,7 @@ class _Window:
     def __init__(
         self,
         grid: OccupancyGrid,
-        points: NDArray[np.float64],
+        points: ScanPoints,
         predicted: Pose2D,
         spread: Spread,
         parameters: MatchParameters,
@@ -141,14 +123,13 @@ class _Window:
         self.grid, self.parameters, self.spread = grid, parameters, spread
         self.predicted = predicted
         self.cell = grid.parameters.resolution
-        self.points = points / self.cell
-        self.radius = math.sqrt(float((points[:, 0] ** 2 + points[:, 1] ** 2).max()))
+        self.points = points
         self.turn_step = math.radians(parameters.step_theta_deg)
         stride = 1 if parameters.step_xy is None else round(parameters.step_xy / self.cell)
         self.stride = max(1, stride)
         # The best of the windows searched so far, on the grid of poses and refined.
         self.found: tuple[NDArray[np.float64], Match] | None = None
-        self.weight = kernels.FULL * max(len(points), parameters.usual) * parameters.prior
+        self.weight = kernels.FULL * max(len(points.metres), parameters.usual) * parameters.prior
 
     def best(self, lately: Lately) -> Match:
         """The best pose; a far wider window is searched when odometry seems lost."""
@@ -191,7 +172,7 @@ class _Window:
 
     def _is_usual(self, match: Match, usual_score: float) -> bool:
         """Whether a match is as good as others lately."""
-        enough = match.overlap >= self.parameters.lost_overlap * len(self.points)
+        enough = match.overlap >= self.parameters.lost_overlap * len(self.points.metres)
         return enough and match.score >= usual_score - self.parameters.indifferent
 
     def _is_far(self, pose: Pose2D, deviations: float = 1.0) -> bool:
@@ -207,7 +188,7 @@ class _Window:
         wide_turn = math.radians(p.lost_theta_deg)
         self._cover(wide_xy, wide_turn)
         other = self._search(wide_xy, wide_turn)
-        enough = other.overlap >= p.lost_overlap * len(self.points)
+        enough = other.overlap >= p.lost_overlap * len(self.points.metres)
         gain = other.score - best.score if enough and other.score >= low else 0.0
         doubtful = gain >= p.lost_gain
         again = lately.doubted and self.predicted.distance(other.pose) <= p.lost_leap
@@ -227,7 +208,7 @@ class _Window:
         found = kernels.search(
             self.grid.fields,
             LEVEL_WIDTHS,
-            self.points,
+            self.points.cells,
             start,
             (reach, math.ceil(half_turn / self.turn_step)),
             (self.stride, self.turn_step),
@@ -248,7 +229,10 @@ class _Window:
     def _compare(self, pose: Pose2D, information: NDArray[np.float64] | None = None) -> Match:
         """How well the scan agrees with the map at a pose."""
         overlap, agreement, against = kernels.overlap(
-            self.grid.log_odds, self.grid.fields[0], self.points, self.grid.pose_to_cells(pose)
+            self.grid.log_odds,
+            self.grid.fields[0],
+            self.points.cells,
+            self.grid.pose_to_cells(pose),
         )
         found = overlap >= self.parameters.fewest
         return Match(pose, agreement, overlap, found, information, against)
@@ -256,16 +240,15 @@ class _Window:
     def _cover(self, half_xy: float, half_turn: float) -> None:
         """Make the map hold every point of every pose in the window."""
         far = half_xy + self.cell
-        if not self.grid.holds(self.predicted, self.radius + far):
-            points, turn = self.points * self.cell, half_turn + self.turn_step
-            self.grid.cover(*window_box(points, self.predicted, far, turn))
+        if not self.grid.holds(self.predicted, self.points.radius + far):
+            turn = half_turn + self.turn_step
+            self.grid.cover(*window_box(self.points.metres, self.predicted, far, turn))
 
     def _refine(self, near: Pose2D) -> tuple[Pose2D, NDArray[np.float64] | None]:
         """The last millimetres, unless they lead astray."""
         spread = self.spread.xy, self.spread.turn
-        points = self.points * self.cell
-        fit = self.grid.walls.fit(points, near, self.predicted, spread)
-        moved = near.distance(fit.pose) + abs(near.between(fit.pose).theta) * self.radius
+        fit = self.grid.walls.fit(self.points.metres, near, self.predicted, spread)
+        moved = near.distance(fit.pose) + abs(near.between(fit.pose).theta) * self.points.radius
         trusted = fit.fitted >= self.parameters.fewest and moved < FARTHEST_REFINEMENT * self.cell
         return (fit.pose, fit.in_own_frame()) if trusted else (near, None)
 

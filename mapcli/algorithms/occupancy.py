@@ -133,9 +133,11 @@ class OccupancyGrid:
 
     def pose_to_cells(self, pose: Pose2D) -> NDArray[np.float64]:
         """(u, v, theta) of a world pose."""
-        scale, (x, y) = self.parameters.resolution, self._base
-        u, v = (pose.x - x) / scale - self._u0, (pose.y - y) / scale - self._v0
-        return np.array([u, v, pose.theta])
+        return np.array([*self._at(pose), pose.theta])
+
+    def _at(self, pose: Pose2D) -> tuple[float, float]:
+        scale, (x, y) = self.parameters.resolution, self._base.tolist()
+        return (pose.x - x) / scale - self._u0, (pose.y - y) / scale - self._v0
 
     def pose_from_cells(self, cells: NDArray[np.float64]) -> Pose2D:
         """The world pose of (u, v, theta)."""
@@ -146,8 +148,7 @@ class OccupancyGrid:
     def holds(self, centre: Pose2D, radius: float) -> bool:
         """Whether the array holds a circle, metres, as `cover` would have it."""
         edge, reach = self._edge + 1, radius / self.parameters.resolution
-        u, v, _ = (float(value) for value in self.pose_to_cells(centre))
-        rows, columns = self.log_odds.shape
+        (u, v), (rows, columns) = self._at(centre), self.log_odds.shape
         return min(u, v) - reach >= edge and u + reach < columns - edge and v + reach < rows - edge
 
     def cover(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:

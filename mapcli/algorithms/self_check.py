@@ -20,10 +20,11 @@ from mapcli.algorithms._kernels.matching import overlap
 from mapcli.algorithms.dead_reckoning import Spread
 from mapcli.algorithms.evaluate import nearest
 from mapcli.algorithms.match import MatchParameters
-from mapcli.algorithms.matching import best_pose, thinned
+from mapcli.algorithms.matching import best_pose
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.relations import compare_relations
+from mapcli.algorithms.scan_points import thinned
 from mapcli.errors import DataError
 from mapcli.model.evaluation import Evaluation
 from mapcli.model.pose import Pose2D, interpolate

@@ -18,10 +18,11 @@ from mapcli.algorithms.keyframes import Track
 from mapcli.algorithms.locate import locate
 from mapcli.algorithms.loops import LoopParameters
 from mapcli.algorithms.match import Lately, Match, MatchParameters
-from mapcli.algorithms.matching import ScanInMap, best_pose, points_of
+from mapcli.algorithms.matching import ScanInMap, best_pose
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.odometry import odometry_at_scans
 from mapcli.algorithms.perception import Perception, PerceptionParameters, perceive
+from mapcli.algorithms.scan_points import points_of
 from mapcli.algorithms.wheel_faults import FaultParameters, WheelFaults
 from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
@@ -142,7 +143,7 @@ class Slam:
         if self.parameters.loops is None:
             return
         self.track.amend(self.faults.way)
-        self.track.add(pose, points_of(perception, self.parameters.map.resolution))
+        self.track.add(pose, points_of(perception, self.parameters.map.resolution).metres)
         if in_map:
             self.track.add_keyframe(perception, match.information, self.parameters.odometry)
 

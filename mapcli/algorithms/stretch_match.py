@@ -18,9 +18,9 @@ from mapcli.algorithms._kernels import matching as kernels
 from mapcli.algorithms._kernels.ambiguity import fits
 from mapcli.algorithms.keyframes import Keyframe, around
 from mapcli.algorithms.likelihood import LEVEL_WIDTHS
-from mapcli.algorithms.matching import thinned, window_box
 from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import Perception
+from mapcli.algorithms.scan_points import thinned, window_box
 from mapcli.algorithms.surfels import covariance_of
 from mapcli.model.pose import Pose2D
 

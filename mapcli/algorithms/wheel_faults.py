@@ -156,7 +156,7 @@ class WheelFaults:
                 matches = self._judge(predicted, best, spread, scan)
             self._motion = motion
         if best.found:
-            share = best.overlap / len(scan.points)
+            share = best.overlap / scan.size
             self._known += KNOWN_MEMORY * (share - self._known)
         self._found, self._seconds, self.way = before.between(best.pose), self._elapsed, ()
         decided = self._decide(matches, self.parameters.fits * usual) or best
@@ -206,7 +206,7 @@ class WheelFaults:
         for name, rival in list(self.rivals.items()):
             near = not _apart(rival.pose, best.pose, spread)
             more = 0 if near else scan.contradictions(rival.pose, spread) - stay.against
-            if more > p.hopeless * len(scan.points):
+            if more > p.hopeless * scan.size:
                 del self.rivals[name]
                 continue
             match = best if near else scan.next_to(rival.pose, spread)
@@ -223,7 +223,7 @@ class WheelFaults:
 
     def _against(self, match: Match, scan: ScanInMap) -> float:
         """Points that speak against a match."""
-        unknown = max(0.0, self._known * len(scan.points) - match.overlap)
+        unknown = max(0.0, self._known * scan.size - match.overlap)
         return match.against + self.parameters.unknown * unknown
 
     def _decide(self, matches: dict[Hypothesis, Match], low: float) -> Match | None:
