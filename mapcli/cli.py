@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import gc
 import importlib
 import os
 import sys
@@ -57,7 +58,10 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         name = MODULES.get(cmd_name, cmd_name.replace("-", "_"))
+        gc.disable()  # what is imported will not become garbage; do not look for any
         command = importlib.import_module(f"mapcli.commands.{name}").command
+        gc.freeze()
+        gc.enable()
         assert isinstance(command, click.Command)
         return command
 
@@ -131,6 +135,8 @@ def main(args: Sequence[str] | None = None) -> None:
 def run() -> NoReturn:
     """`main` for a shell, which leaves without tidying up the compiler's many objects: that takes
     a tenth of a second, and the system frees memory by itself."""
+    # No matrix here is large enough for NumPy's threads, which spin while they wait.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         main()
     except SystemExit as leaving:

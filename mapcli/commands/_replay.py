@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import time
 from collections.abc import Container, Iterable, Iterator
 from dataclasses import asdict, replace
@@ -49,7 +48,6 @@ class Replay:
         Raises:
             DataError: not one scan in the part asked for, or none before Ctrl-C.
         """
-        gc.freeze()  # the compiler's many objects will not become garbage; do not look again
         records = self._counting(self.log_input.records(self.log))
         steps = self.slam.replay(records)
         try:
