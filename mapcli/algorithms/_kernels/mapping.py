@@ -17,6 +17,8 @@ from mapcli.algorithms._kernels.likelihood import WALL
 SEEN = 1 << 14
 """Added to the log-odds of a cell that the current scan has already touched."""
 IS_SEEN = 1 << 13
+WHOLE = 2.0**58
+"""A whole beam, so that sums of shares up to 4 fit into 64 bits."""
 FAR = 1 << 62
 """Beyond every cell."""
 
@@ -152,11 +154,12 @@ def pass_cells(
     at = v * columns + u
     du, dv = end_u - start_u, end_v - start_v
     step_u, step_v = (1 if du > 0 else -1), (columns if dv > 0 else -columns)
-    # Lengths along the beam, as shares of it, between and to the next cell boundaries.
-    share_u = abs(1.0 / du) if du != 0 else np.inf
-    share_v = abs(1.0 / dv) if dv != 0 else np.inf
-    next_u = (u + 1 - start_u if du > 0 else start_u - u) * share_u if du != 0 else np.inf
-    next_v = (v + 1 - start_v if dv > 0 else start_v - v) * share_v if dv != 0 else np.inf
+    next_u = u + 1 - start_u if du > 0 else start_u - u
+    next_v = v + 1 - start_v if dv > 0 else start_v - v
+    # To the next cell boundary in u less that in v, and between boundaries: shares of the beam.
+    # In whole numbers each step is a few instructions without a guess which way it goes.
+    ahead = share_of(next_u, du) - share_of(next_v, dv)
+    across_u, across_v = share_of(1.0, du), share_of(1.0, dv)
     for _ in range(abs(floor(end_u) - u) + abs(floor(end_v) - v)):
         old = log_odds[at]
         if lowest < old < IS_SEEN:
@@ -167,10 +170,15 @@ def pass_cells(
             log_odds[at] = new + SEEN
             touched[n_touched] = at
             n_touched += 1
-        if next_u < next_v:
-            next_u += share_u
-            at += step_u
-        else:
-            next_v += share_v
-            at += step_v
+        is_u = ahead < 0
+        at += step_u if is_u else step_v
+        ahead += across_u if is_u else -across_v
     return n_touched, n_changed
+
+
+@kernel
+def share_of(part: float, whole: float) -> int:
+    """A part of a length as a share of it, in units of 2^-58; beyond 4, which no beam gets to,
+    it is 4."""
+    share = part / abs(whole) if whole != 0 else 4.0
+    return int(min(share, 4.0) * WHOLE)
