@@ -11,7 +11,7 @@ import pytest
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 
-from mapcli.algorithms.occupancy import units_of
+from mapcli.algorithms.log_odds import units_of
 from mapcli.cli import main
 from mapcli.formats.maps import load_map
 

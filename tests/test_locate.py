@@ -12,8 +12,9 @@ from looping import MAP, blind, box, scan_at, see
 from mapcli.algorithms import locate as locating
 from mapcli.algorithms.current_map import CurrentMapParameters
 from mapcli.algorithms.locate import locate
+from mapcli.algorithms.log_odds import LOG_ODDS_UNIT, log_odds_of
 from mapcli.algorithms.match import MatchParameters
-from mapcli.algorithms.occupancy import LOG_ODDS_UNIT, MapParameters, OccupancyGrid, log_odds_of
+from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.raycast import edges_of
 from mapcli.algorithms.slam import MOST_TRIES, Slam, SlamParameters
@@ -180,7 +181,7 @@ def test_cells_by_hand() -> None:
 
 def test_log_odds_keep_to_the_limits_of_a_map() -> None:
     p = MapParameters(highest=100, lowest=-50)
-    counts = log_odds_of(np.array([[0.0, 1.0, 0.5, np.nan]], np.float32), p)
+    counts = log_odds_of(np.array([[0.0, 1.0, 0.5, np.nan]], np.float32), p.lowest, p.highest)
     assert counts.tolist() == [[-50, 100, -1, 0]]
 
 

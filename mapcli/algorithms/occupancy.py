@@ -1,8 +1,8 @@
 """The current map of Algorithm 9.2: log-odds that grow with what the robot sees.
 
-Log-odds are kept in 1/17ths as int16, 0 meaning unknown. A hit is worth more than three passes:
-a laser seldom reports a wall that is not there, while beams that graze a wall pass through its
-cells again and again. The limits keep a cell from being so sure that it can never change.
+Log-odds are kept in whole counts (`log_odds`), 0 meaning unknown. A hit is worth more than three
+passes: a laser seldom reports a wall that is not there, while beams that graze a wall pass through
+its cells again and again. The limits keep a cell from being so sure that it can never change.
 
 Beside the map live its likelihood field (`likelihood`) and the walls finer than cells (`surfels`).
 """
@@ -16,29 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels.likelihood import bridge_walls, update_field
-from mapcli.algorithms._kernels.mapping import integrate_beams, place_beams
+from mapcli.algorithms._kernels.mapping import FAR, integrate_beams, place_beams
 from mapcli.algorithms.likelihood import LEVEL_WIDTHS, bump_of, make_levels
+from mapcli.algorithms.log_odds import log_odds_of, probabilities_of
 from mapcli.algorithms.perception import Perception
 from mapcli.algorithms.surfels import SurfelMap
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D, wrap_angle
 
-LOG_ODDS_UNIT = 1 / 17
-"""One count of log-odds: a pass gives p = 0.19 of an obstacle, a hit p = 0.993."""
-
-
-def units_of(probability: float) -> int:
-    """Log-odds of an obstacle, in counts, after one observation of a cell; never 0."""
-    counts = round(math.log(probability / (1 - probability)) / LOG_ODDS_UNIT)
-    return counts or (1 if probability > 0.5 else -1)
-
-
 BLOCK = 256
 """The array grows by whole blocks of cells."""
 
 MARGIN = 32
 """Cells around everything that is covered, for the field's bumps and the coarsest level."""
+
+NOTHING = FAR, FAR, -FAR, -FAR
+"""A box that holds no cell."""
 
 MAX_CELLS = 400_000_000
 """2 GB of map: 1 km x 1 km at 5 cm. Beyond that something is wrong with the log."""
@@ -93,7 +87,7 @@ class OccupancyGrid:
         self._u0 = self._v0 = 0
         self._base = np.zeros(2)  # where cell (0, 0) would be, in the world
         self._edge = MARGIN + len(self._bump)
-        self._written: list[int] = []  # lowest u, v and highest u, v; cell (0, 0) is at the base
+        self._written = NOTHING  # lowest and highest (u, v); cell (0, 0) is at the base
         self._touched = self._changed = np.empty(0, dtype=np.int64)
 
     @classmethod
@@ -116,8 +110,10 @@ class OccupancyGrid:
             slice(-grid._v0, known.rows - grid._v0),
             slice(-grid._u0, known.columns - grid._u0),
         )
-        grid.log_odds[rows, columns] = log_odds_of(known.cells[::-1], grid.parameters)
-        grid._written = [0, 0, known.columns - 1, known.rows - 1]
+        grid.log_odds[rows, columns] = log_odds_of(
+            known.cells[::-1], parameters.lowest, parameters.highest
+        )
+        grid._written = 0, 0, known.columns - 1, known.rows - 1
         walls = np.argwhere(grid.log_odds > 0)
         if not len(walls):
             raise DataError("no occupied cell", expected="a map with walls")
@@ -196,7 +192,7 @@ class OccupancyGrid:
 
     def _part(self, u0: int, v0: int) -> tuple[slice, slice]:
         """The rows and columns, in an array that begins at a cell, that may have been written."""
-        if not self._written:
+        if self._written == NOTHING:
             return slice(0), slice(0)
         low_u, low_v, high_u, high_v = self._written
         edge = self._edge
@@ -237,12 +233,17 @@ class OccupancyGrid:
         x, y = self._base.tolist()
         at, frame = (pose.x, pose.y, pose.theta), (x, y, self.parameters.resolution)
         touched = place_beams(beams, at, frame, ends, cells, box)
-        low, high = box[:2].tolist(), box[2:].tolist()
-        self._cover_cells(low, high)
-        was = self._written or [*low, *high]
-        self._written = [*map(min, was[:2], low), *map(max, was[2:], high)]
+        self._write_within(*box.tolist())
         cells -= (self._u0, self._v0)
         return ends, cells, touched
+
+    def _write_within(self, low_u: int, low_v: int, high_u: int, high_v: int) -> None:
+        """Make the array hold cells that will be written; most often they are not the first."""
+        was = self._written
+        if low_u < was[0] or low_v < was[1] or high_u > was[2] or high_v > was[3]:
+            self._cover_cells([low_u, low_v], [high_u, high_v])
+            low = min(was[0], low_u), min(was[1], low_v)
+            self._written = *low, max(was[2], high_u), max(was[3], high_v)
 
     def _write(self, beams: NDArray[np.float64], hits: int, touched: int) -> NDArray[np.int64]:
         """Write beams into the log-odds; the numbers of the cells that matter to the field."""
@@ -270,24 +271,13 @@ class OccupancyGrid:
         # MARGIN cells around everything known are in the array, so two always are.
         v, u = int(rows[0]) - 2, int(columns[0]) - 2
         part = self.log_odds[v : rows[-1] + 3, u : columns[-1] + 3]
-        counts = np.arange(p.lowest, p.highest + 1)
-        table = (1 / (1 + np.exp(-counts * LOG_ODDS_UNIT))).astype(np.float32)
-        table[-p.lowest] = np.nan
+        table = probabilities_of(p.lowest, p.highest)
         # Whole cells times the resolution, without the last bit's noise.
         corner = (
             round((self._u0 + u) * p.resolution + float(self._base[0]), 9),
             round((self._v0 + v) * p.resolution + float(self._base[1]), 9),
         )
         return GridMap.from_bottom_up(table[part - p.lowest], p.resolution, corner)
-
-
-def log_odds_of(probabilities: NDArray[np.float32], parameters: MapParameters) -> NDArray[np.int16]:
-    """Probabilities, nan where unknown, as the log-odds of a map: 0 only where unknown."""
-    known = np.clip(np.nan_to_num(probabilities.astype(np.float64), nan=0.5), 1e-9, 1 - 1e-9)
-    counts = np.round(np.log(known / (1 - known)) / LOG_ODDS_UNIT)
-    counts = np.clip(counts, parameters.lowest, parameters.highest)
-    counts[(counts == 0) & ~np.isnan(probabilities)] = -1
-    return counts.astype(np.int16)
 
 
 def _too_large(metres: NDArray[np.float64]) -> DataError:

@@ -9,9 +9,10 @@ from typing import Any
 import click
 
 from mapcli.algorithms.current_map import CurrentMapParameters
+from mapcli.algorithms.log_odds import units_of
 from mapcli.algorithms.loops import LoopParameters
 from mapcli.algorithms.match import MatchParameters
-from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid, units_of
+from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
 from mapcli.algorithms.perception import PerceptionParameters
 from mapcli.algorithms.similarity import SIMILARITIES
 from mapcli.algorithms.slam import Slam, SlamParameters
