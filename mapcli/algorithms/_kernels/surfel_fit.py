@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from mapcli.algorithms._kernels.compiling import kernel
 from mapcli.algorithms._kernels.surfels import Table, nearest_surfel
 
-STILL, STILL_TURN = 3e-3, 6e-4
+STILL, STILL_TURN = 5e-4, 1e-4
 """Metres and radians; a pose that moves less is at the same walls as before."""
-STEPS, LAST_STEP = 3, 1 / 30
+STEPS, LAST_STEP = 3, 0.2
 """Of Gauss-Newton in a round at most; the last one moves this share of the above."""
 LEAST = 1e-9
 """Information that is there anyway, so that every system can be solved."""
