@@ -153,7 +153,8 @@ class LoopCloser:
     def _window(self, way: Way) -> tuple[float, float]:
         """Half-widths of where a stretch may be, metres and radians."""
         p, covariance = self.parameters, way.covariance
-        variance = float(np.linalg.eigvalsh(covariance[:2, :2])[-1])
+        (xx, both, _), (_, yy, _), _ = covariance.tolist()
+        variance = (xx + yy) / 2 + math.hypot((xx - yy) / 2, both)  # in the worst direction
         xy = p.deviations * math.sqrt(variance + (p.drift * way.metres) ** 2)
         turn = p.deviations * math.sqrt(float(covariance[2, 2]))
         return (

@@ -105,6 +105,7 @@ class PoseGraph:
         self._positions: NDArray[np.float64] | None = None
         self.edges: list[Edge] = []
         self._at: list[list[Edge]] = [[] for _ in poses]
+        self._factors: dict[float, Any] = {}  # GTSAM's graphs, for each doubt, as far as built
 
     def add(self, edge: Edge) -> None:
         self.edges.append(edge)
@@ -113,6 +114,7 @@ class PoseGraph:
 
     def remove(self, edge: Edge) -> None:
         self.edges.remove(edge)
+        self._factors.clear()
         self._at[edge.from_].remove(edge)
         self._at[edge.to].remove(edge)
 
@@ -157,20 +159,24 @@ class PoseGraph:
         for number, pose in enumerate(self.poses):
             values.insert(number, gtsam.Pose2(pose.x, pose.y, pose.theta))
         for doubt in DOUBTS[-1:] if is_settled else DOUBTS:
-            values = gtsam.LevenbergMarquardtOptimizer(self._factors(doubt), values).optimize()
+            values = gtsam.LevenbergMarquardtOptimizer(self._built(doubt), values).optimize()
         found = [values.atPose2(number) for number in range(len(self.poses))]
         self.poses = [Pose2D(pose.x(), pose.y(), pose.theta()) for pose in found]
         self._positions = None
 
-    def _factors(self, doubt: float) -> Any:
-        """The edges as GTSAM wants them, and that the first pose stays where it is."""
+    def _built(self, doubt: float) -> Any:
+        """The edges as GTSAM wants them, and that the first pose stays where it is; what was
+        built before is added to."""
         import gtsam
 
-        noise, factors, first = gtsam.noiseModel, gtsam.NonlinearFactorGraph(), self.poses[0]
-        robust = noise.mEstimator.Cauchy.Create(doubt)
-        here = gtsam.Pose2(first.x, first.y, first.theta)
-        factors.add(gtsam.PriorFactorPose2(0, here, noise.Constrained.All(3)))
-        for edge in self.edges:
+        noise, first = gtsam.noiseModel, self.poses[0]
+        if doubt not in self._factors:
+            self._factors[doubt] = gtsam.NonlinearFactorGraph()
+            here = gtsam.Pose2(first.x, first.y, first.theta)
+            still = gtsam.PriorFactorPose2(0, here, noise.Constrained.All(3))
+            self._factors[doubt].add(still)
+        factors, robust = self._factors[doubt], noise.mEstimator.Cauchy.Create(doubt)
+        for edge in self.edges[factors.size() - 1 :]:
             gaussian = noise.Gaussian.Covariance(edge.covariance)
             model = noise.Robust.Create(robust, gaussian) if edge.is_loop else gaussian
             m = edge.measured
