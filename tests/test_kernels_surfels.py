@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mapcli.algorithms._kernels import surfel_fit
 from mapcli.algorithms._kernels import surfels as kernels
 from mapcli.algorithms._kernels.ambiguity import fits
-from mapcli.algorithms._kernels.tiles import EMPTY, SIDE, slot_in, tiles_around
+from mapcli.algorithms._kernels.tiles import BORDER, SIDE, slot_of
 
 Floats = NDArray[np.float64]
 Cell = tuple[int, int]
@@ -26,27 +26,22 @@ CELL, THICKNESS, DOUBT = 0.05, 0.015, 3.0
 SHAPE = CELL, THICKNESS, DOUBT
 
 
-def empty_table(room: int) -> kernels.Table:
-    """Room for so many tiles and slots, whole powers of two."""
-    places = np.full((2 * room, 2), EMPTY, np.int64)
+def empty_table(room: int, extent: float = 0.0) -> kernels.Table:
+    """Room for so many tiles and slots, and for points so far from the origin, metres."""
+    far = BORDER + 1 + floor(extent / CELL / SIDE)
+    directory = np.zeros((2 * far, 2 * far), np.int32)
     sums = np.zeros((room, 8))
     sums[0, 6:] = kernels.NOWHERE
     tiles = np.zeros((room, SIDE, SIDE), np.int32)
-    return places, tiles, sums, np.zeros((room, 5)), np.zeros(room, np.int8)
+    return directory, (-far, -far), tiles, sums, np.zeros((room, 5)), np.zeros(room, np.int8)
 
 
 def table_of(points: Floats) -> tuple[kernels.Table, tuple[int, int]]:
     """A table with these points, and the numbers of tiles and slots in it."""
-    room = 16
-    while room <= len(points):
-        room *= 2
-    table = empty_table(room)
-    return table, kernels.add_points(*table[:3], (1, 1), points, CELL)
-
-
-def slot_of(table: kernels.Table, cell: Cell) -> int:
-    around = tiles_around(table[0], *cell, 0)
-    return slot_in(around, table[1], *cell)
+    table = empty_table(len(points) + 1, np.abs(points).max(initial=0.0))
+    done, used = kernels.add_points(table, (1, 1), points, 0, CELL)
+    assert done == len(points)
+    return table, used
 
 
 def cells_of(points: Floats) -> dict[Cell, list[Floats]]:
@@ -89,20 +84,32 @@ def test_add_points_as_its_twin(seed: int, count: int, extent: float) -> None:
     twin = cells_of(points)
     assert used == 1 + len(twin)
     for number, (cell, inside) in enumerate(twin.items(), start=1):
-        assert slot_of(table, cell) == number  # in the order of their first points
-        *moments, x, y = table[2][number]
+        assert slot_of(*table[:3], *cell) == number  # in the order of their first points
+        *moments, x, y = table[3][number]
         assert moments == pytest.approx(moments_of(inside, centre_of(cell)), abs=1e-9)
         assert [x, y] == pytest.approx(np.mean(inside, axis=0))
-    assert table[2][0].tolist() == [0] * 6 + [kernels.NOWHERE] * 2
+    assert table[3][0].tolist() == [0] * 6 + [kernels.NOWHERE] * 2
 
 
 def test_points_of_a_second_scan_go_into_the_same_cells() -> None:
     points = scattered(0, 120, 0.3)
     expected, used = table_of(points)
-    table = empty_table(len(expected[2]))
-    halfway = kernels.add_points(*table[:3], (1, 1), points[:50], CELL)
-    assert kernels.add_points(*table[:3], halfway, points[50:], CELL) == used
-    assert np.array_equal(table[2], expected[2])
+    table = empty_table(len(expected[3]), 0.3)
+    _, halfway = kernels.add_points(table, (1, 1), points[:50], 0, CELL)
+    assert kernels.add_points(table, halfway, points, 50, CELL) == (120, used)
+    assert np.array_equal(table[3], expected[3])
+
+
+def test_points_are_added_as_far_as_there_is_room() -> None:
+    points = np.array([(0.01, 0.01), (0.06, 0.01), (0.02, 0.01), (0.11, 0.01), (9.0, 0.0)])
+    table = empty_table(4)
+    for room, (first, used), expected in (
+        (3, (0, (1, 1)), (3, (2, 3))),  # two cells, and no more slots
+        (4, (3, (2, 3)), (4, (2, 4))),  # the third cell, and nothing so far away
+    ):
+        part = (*table[:3], table[3][:room], *table[4:])
+        assert kernels.add_points(part, used, points, first, CELL) == expected
+    assert table[3][:, 0].tolist() == [0, 2, 1, 1]
 
 
 # --- surfels
@@ -129,7 +136,7 @@ def test_patch_as_its_twin(seed: int, count: int, extent: float) -> None:
     table, _ = table_of(points)
     cells = cells_of(points)
     for cell in list(cells)[:20]:
-        found = kernels.patch(*table[:3], *cell, CELL)
+        found = kernels.patch(table, *cell, CELL)
         assert found == pytest.approx(slow_patch(cells, cell), abs=1e-9)
 
 
@@ -202,11 +209,11 @@ def test_nearest_surfel_as_its_twin(seed: int, count: int, extent: float) -> Non
         if cell is None:
             assert slot == 0
             continue
-        assert slot == slot_of(table, cell)
+        assert slot == slot_of(*table[:3], *cell)
         expected = np.zeros((1, 5))
-        around = kernels.patch(*table[:3], *cell, CELL)
+        around = kernels.patch(table, *cell, CELL)
         kernels.make_surfel(around, tuple(centre_of(cell).tolist()), THICKNESS, expected, 0)
-        assert table[3][slot] == pytest.approx(expected[0])
+        assert table[4][slot] == pytest.approx(expected[0])
 
 
 def moved(points: Floats, pose: Floats | surfel_fit.Pose) -> Floats:
@@ -276,7 +283,7 @@ def random_fit(seed: int) -> tuple[Floats, NDArray[np.int64], Floats, Floats]:
     partners = np.empty(len(points), np.int64)
     found = surfel_fit.associate(table, points, 0, len(points), pose_of(pose), SHAPE, partners)
     assert found > 20
-    return table[3], partners, points, pose
+    return table[4], partners, points, pose
 
 
 @FEW

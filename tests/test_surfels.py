@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms import surfels
 from mapcli.algorithms.surfels import Fit, SurfelMap, covariance_of
+from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
 
 Floats = NDArray[np.float64]
@@ -176,3 +177,20 @@ def test_it_is_the_same_everywhere(shift: tuple[int, int]) -> None:
     assert other.fitted == one.fitted
     scale = np.sqrt(np.outer(np.diag(one.information), np.diag(one.information)))
     assert (np.abs(other.information - one.information) < 0.02 * scale).all()
+
+
+def test_points_on_all_sides_are_kept() -> None:
+    sides = [(0.0, 0.0), (70.0, 1.0), (-33.0, 2.0), (5.0, 90.0), (4.0, -250.0), (-400.0, -251.0)]
+    walls, pillar = SurfelMap(CELL), room(0.06)[:40]
+    for side in sides:
+        walls.add(pillar + side)
+    for x, y in sides:
+        fit = walls.fit(pillar, Pose2D(x + 0.01, y - 0.01, 0.0))
+        assert fit.fitted == len(pillar)
+    assert walls.fit(pillar, Pose2D(1e7, 0.0, 0.0)).fitted == 0
+
+
+def test_points_absurdly_far_apart() -> None:
+    walls = map_of(room())
+    with pytest.raises(DataError, match=r"the map would be 1,000,0\d\d m x .* m"):
+        walls.add(np.array([(1e6, 0.0)]))

@@ -20,7 +20,7 @@ from mapcli.algorithms._kernels.mapping import FAR, integrate_beams, place_beams
 from mapcli.algorithms.likelihood import LEVEL_WIDTHS, bump_of, make_levels
 from mapcli.algorithms.log_odds import log_odds_of, probabilities_of
 from mapcli.algorithms.perception import Perception
-from mapcli.algorithms.surfels import SurfelMap
+from mapcli.algorithms.surfels import SurfelMap, too_large
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D, wrap_angle
@@ -155,7 +155,7 @@ class OccupancyGrid:
         """
         scale = self.parameters.resolution
         if max(high - low) / scale > MAX_CELLS:
-            raise _too_large(high - low)
+            raise too_large(high - low)
         self._cover_cells(
             [math.floor(value / scale) for value in low - self._base],
             [math.floor(value / scale) for value in high - self._base],
@@ -180,7 +180,7 @@ class OccupancyGrid:
 
     def _move_to(self, u0: int, v0: int, columns: int, rows: int) -> None:
         if rows * columns > MAX_CELLS:
-            raise _too_large(np.array([columns, rows]) * self.parameters.resolution)
+            raise too_large(np.array([columns, rows]) * self.parameters.resolution)
         log_odds = np.zeros((rows, columns), dtype=np.int16)
         fields = np.zeros((len(LEVEL_WIDTHS), rows, columns), dtype=np.uint8)
         # Memory that is never touched costs nothing, so no more is copied than has been written.
@@ -278,10 +278,3 @@ class OccupancyGrid:
             round((self._v0 + v) * p.resolution + float(self._base[1]), 9),
         )
         return GridMap.from_bottom_up(table[part - p.lowest], p.resolution, corner)
-
-
-def _too_large(metres: NDArray[np.float64]) -> DataError:
-    return DataError(
-        f"the map would be {metres[0]:,.0f} m x {metres[1]:,.0f} m",
-        expected="sane odometry and ranges, or a coarser --resolution",
-    )

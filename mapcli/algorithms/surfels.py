@@ -19,17 +19,18 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels import surfels as kernels
 from mapcli.algorithms._kernels.surfel_fit import fit_scans
-from mapcli.algorithms._kernels.tiles import EMPTY, SIDE, rehash
+from mapcli.algorithms._kernels.tiles import BORDER, SHIFT, SIDE
+from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D, wrap_angle
 
-START, START_TILES = 1 << 10, 1 << 9
+START, START_TILES = 1 << 10, 1 << 7
 """Cells, and tiles of cells, that a new map has room for."""
 
 SCANS_AT_ONCE = 200
 """Scans that one processor fits before it looks for more."""
 
-AT_ONCE = 10_000
-"""Points that there is room made for, lest a large map takes room for as many tiles as points."""
+MOST_TILES = 1 << 22
+"""16 MB of directory: what 1 km x 1 km at 3 cm would take."""
 
 NO_IDEA = (math.inf, math.inf)
 """How far off a pose may be, metres and radians, of which odometry says nothing."""
@@ -104,7 +105,7 @@ class SurfelMap:
     def __init__(self, cell: float, parameters: SurfelParameters | None = None) -> None:
         self.cell, self.parameters = cell, parameters or SurfelParameters()
         self._used = 1, 1  # of tiles and slots; the first of both are the empty ones
-        self._places = np.full((2 * START_TILES, 2), EMPTY, np.int64)
+        self._directory, self._corner = np.zeros((0, 0), np.int32), (0, 0)
         self._tiles = np.zeros((START_TILES, SIDE, SIDE), np.int32)
         self._sums = np.zeros((START, 8))
         self._sums[0, 6:] = kernels.NOWHERE
@@ -112,27 +113,52 @@ class SurfelMap:
         self._states = np.zeros(START, np.int8)
 
     def add(self, points: NDArray[np.float64]) -> None:
-        """Add ends of beams, shape (n, 2), metres in the world."""
-        for first in range(0, len(points), AT_ONCE):
-            some = points[first : first + AT_ONCE]
-            self._make_room(len(some))
-            self._used = kernels.add_points(
-                self._places, self._tiles, self._sums, self._used, some, self.cell
+        """Add ends of beams, shape (n, 2), metres in the world.
+
+        Raises:
+            DataError: they are absurdly far apart.
+        """
+        done = 0
+        while done < len(points):
+            done, self._used = kernels.add_points(
+                self._table(), self._used, points, done, self.cell
             )
+            if done < len(points):
+                self._make_room(points[done:])
         self._states[: self._used[1]] = kernels.STALE
 
-    def _make_room(self, more: int) -> None:
-        """Have room for so many more tiles and slots."""
-        tiles, slots = (count + more for count in self._used)
-        if tiles > len(self._tiles):
-            self._tiles = _longer(self._tiles, tiles)
-            places = np.full((2 * len(self._tiles), 2), EMPTY, np.int64)
-            rehash(self._places, places)
-            self._places = places
-        if slots > len(self._sums):
-            self._sums = _longer(self._sums, slots)
+    def _make_room(self, points: NDArray[np.float64]) -> None:
+        """Have room for points, the first of which there is no room for."""
+        n_tiles, n_slots = self._used
+        if n_tiles == len(self._tiles):
+            self._tiles = _twice(self._tiles)
+        if n_slots == len(self._sums):
+            self._sums = _twice(self._sums)
             self._surfels = np.zeros((len(self._sums), 5))
             self._states = np.zeros(len(self._sums), np.int8)
+        low, high = (np.floor(end / self.cell) for end in (points.min(axis=0), points.max(axis=0)))
+        if max(high - low) > SIDE * MOST_TILES:
+            raise too_large((high - low) * self.cell)
+        self._extend([int(end) >> SHIFT for end in low], [int(end) >> SHIFT for end in high])
+
+    def _extend(self, low: list[int], high: list[int]) -> None:
+        """Make the directory hold the tiles from `low` to `high`, each (u, v), and their border,
+        with some to spare: as few copies as an array that doubles."""
+        rows, columns = self._directory.shape
+        begin, end = [], []
+        for first, last, start, size in zip(low, high, self._corner, (columns, rows), strict=True):
+            spare, stop = BORDER + max(size // 4, 1), start + size
+            begin.append(start if size and first - BORDER >= start else first - spare)
+            end.append(stop if size and last + BORDER < stop else last + spare + 1)
+            if size:
+                begin[-1], end[-1] = min(begin[-1], start), max(end[-1], stop)
+        across, up = end[0] - begin[0], end[1] - begin[1]
+        if across * up > MOST_TILES:
+            raise too_large(SIDE * self.cell * np.array([across, up]))
+        directory = np.zeros((up, across), np.int32)
+        u, v = self._corner[0] - begin[0], self._corner[1] - begin[1]
+        directory[v : v + rows, u : u + columns] = self._directory
+        self._directory, self._corner = directory, (begin[0], begin[1])
 
     def fit(
         self,
@@ -192,7 +218,10 @@ class SurfelMap:
         ]
 
     def _table(self) -> kernels.Table:
-        return self._places, self._tiles, self._sums, self._surfels, self._states
+        return (
+            self._directory, self._corner, self._tiles,
+            self._sums, self._surfels, self._states,
+        )  # fmt: skip
 
     def _fit(
         self,
@@ -222,11 +251,16 @@ class SurfelMap:
         return poses, p.independent * systems, fitted
 
 
-def _longer(table: NDArray[Any], least: int) -> NDArray[Any]:
-    """A table of at least so many rows, twice as many as before or more; the new ones are 0."""
-    rows = len(table)
-    while rows < least:
-        rows *= 2
-    longer = np.zeros((rows, *table.shape[1:]), table.dtype)
+def _twice(table: NDArray[Any]) -> NDArray[Any]:
+    """A table with twice as many rows, the new ones 0."""
+    longer = np.zeros((2 * len(table), *table.shape[1:]), table.dtype)
     longer[: len(table)] = table
     return longer
+
+
+def too_large(metres: NDArray[np.float64]) -> DataError:
+    """The error of a map that no sane log makes."""
+    return DataError(
+        f"the map would be {metres[0]:,.0f} m x {metres[1]:,.0f} m",
+        expected="sane odometry and ranges, or a coarser --resolution",
+    )

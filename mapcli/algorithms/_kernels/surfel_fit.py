@@ -63,7 +63,7 @@ def fit_scans(
             fitted[k] = associate(table, points, first, last, pose, shape, partners)
             begun = pose
             pose, system = settle(
-                table[3], partners, points, first, last, pose, guess, prior, shape[2]
+                table[4], partners, points, first, last, pose, guess, prior, shape[2]
             )
             if is_still(begun, pose, 1.0):
                 break

@@ -16,7 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels.compiling import kernel
-from mapcli.algorithms._kernels.tiles import enter, has_any, slot_in, tiles_around
+from mapcli.algorithms._kernels.tiles import (
+    Corner,
+    Directory,
+    Tiles,
+    enter,
+    is_within,
+    slot_of,
+)
 
 MOST_ROUND = 0.15
 """Points whose narrow spread is more than this share of their wide one are no line but a lump,
@@ -31,8 +38,9 @@ NOWHERE = 1e150
 """The mean of no points: farther than everything, even when it is squared."""
 
 Table = tuple[
-    NDArray[np.int64],  # the cells with points in them: `tiles.Places`
-    NDArray[np.int32],  # `tiles.Tiles`
+    Directory,  # of the cells with points in them; see `tiles`
+    Corner,
+    Tiles,
     NDArray[np.float64],  # points of each slot, shape (slots, 8): moments, and the mean x, y
     NDArray[np.float64],  # surfels, shape (slots, 5): mean x, y; information xx, xy, yy
     NDArray[np.int8],  # what is known about each surfel: STALE, NONE or FRESH
@@ -42,20 +50,23 @@ STALE, NONE, FRESH = 0, 1, 2
 
 @kernel
 def add_points(
-    places: NDArray[np.int64],
-    tiles: NDArray[np.int32],
-    sums: NDArray[np.float64],
+    table: Table,
     used: tuple[int, int],
     points: NDArray[np.float64],
+    first: int,
     cell: float,
-) -> tuple[int, int]:
-    """Add world points, shape (n, 2); returns the new numbers of tiles and slots in use.
+) -> tuple[int, tuple[int, int]]:
+    """Add world points, shape (n, 2), from the first on, up to one that there is no room for.
 
-    There must be room for n more of both, and the hash table must stay half empty.
+    Returns:
+        The number of that one, or of all; and how many tiles and slots are used.
     """
-    for p in range(len(points)):
+    directory, corner, tiles, sums, _, _ = table
+    for p in range(first, len(points)):
         u, v = floor(points[p, 0] / cell), floor(points[p, 1] / cell)
-        slot, used = enter(places, tiles, used, u, v)
+        slot, used = enter(directory, corner, tiles, used, len(sums), u, v)
+        if slot == 0:
+            return p, used
         centre_x, centre_y = (u + 0.5) * cell, (v + 0.5) * cell
         x, y = points[p, 0] - centre_x, points[p, 1] - centre_y
         sums[slot, 0] += 1.0
@@ -66,26 +77,21 @@ def add_points(
         sums[slot, 5] += y * y
         sums[slot, 6] = centre_x + sums[slot, 1] / sums[slot, 0]
         sums[slot, 7] = centre_y + sums[slot, 2] / sums[slot, 0]
-    return used
+    return len(points), used
 
 
 @kernel
 def patch(
-    places: NDArray[np.int64],
-    tiles: NDArray[np.int32],
-    sums: NDArray[np.float64],
-    u: int,
-    v: int,
-    cell: float,
+    table: Table, u: int, v: int, cell: float
 ) -> tuple[float, float, float, float, float, float]:
     """Moments of the points around a cell, from its centre: the smallest patch with enough."""
+    directory, corner, tiles, sums, _, _ = table
     n = sx = sy = sxx = sxy = syy = 0.0
-    around = tiles_around(places, u, v, WIDEST_PATCH)
     for reach in range(WIDEST_PATCH + 1):
         for dv in range(-reach, reach + 1):
             stride = 1 if abs(dv) == reach else 2 * reach
             for du in range(-reach, reach + 1, stride):
-                slot = slot_in(around, tiles, u + du, v + dv)
+                slot = slot_of(directory, corner, tiles, u + du, v + dv)
                 if slot == 0:
                     continue
                 x, y = du * cell, dv * cell
@@ -135,8 +141,7 @@ def nearest_surfel(table: Table, x: float, y: float, cell: float, thickness: flo
 
     0 where there is none, or no wall can be told from the points.
     """
-    places, tiles, sums, _, states = table
-    best = nearest_cell(places, tiles, sums, x, y, cell)
+    best, states = nearest_cell(table, x, y, cell), table[5]
     if best and states[best] == STALE:
         renew(table, best, cell, thickness)
     return best if states[best] == FRESH else 0
@@ -145,37 +150,29 @@ def nearest_surfel(table: Table, x: float, y: float, cell: float, thickness: flo
 @kernel
 def renew(table: Table, slot: int, cell: float, thickness: float) -> None:
     """Make the surfel of a cell from the points that are there by now."""
-    places, tiles, sums, surfels, states = table
+    sums, surfels, states = table[3], table[4], table[5]
     u, v = floor(sums[slot, 6] / cell), floor(sums[slot, 7] / cell)
-    around = patch(places, tiles, sums, u, v, cell)
     centre = ((u + 0.5) * cell, (v + 0.5) * cell)
-    states[slot] = make_surfel(around, centre, thickness, surfels, slot)
+    states[slot] = make_surfel(patch(table, u, v, cell), centre, thickness, surfels, slot)
 
 
 @kernel
 def renew_all(table: Table, used: int, cell: float, thickness: float) -> None:
     """Make the surfels of all cells in use, so that fitting only reads."""
     for slot in range(1, used):
-        if table[4][slot] == STALE:
+        if table[5][slot] == STALE:
             renew(table, slot, cell, thickness)
 
 
 @kernel
-def nearest_cell(
-    places: NDArray[np.int64],
-    tiles: NDArray[np.int32],
-    sums: NDArray[np.float64],
-    x: float,
-    y: float,
-    cell: float,
-) -> int:
+def nearest_cell(table: Table, x: float, y: float, cell: float) -> int:
     """The slot of the cell whose points' mean is nearest to a point, 0 where none are near. (It
     does not branch on what it compares, since no processor could tell beforehand.)"""
+    directory, corner, tiles, sums, _, _ = table
     u, v = floor(x / cell), floor(y / cell)
-    around = tiles_around(places, u, v, FARTHEST_PARTNER)
-    if not has_any(around):
-        return 0
     best, nearest = 0, NOWHERE
+    if not is_within(directory, corner, u, v, 1):
+        return best
     for ring in range(FARTHEST_PARTNER + 1):
         # Nothing farther out can be nearer than what was found.
         if (ring - 1) * cell * (ring - 1) * cell >= nearest:
@@ -183,7 +180,7 @@ def nearest_cell(
         for dv in range(-ring, ring + 1):
             stride = 1 if abs(dv) == ring else 2 * ring
             for du in range(-ring, ring + 1, stride):
-                slot = slot_in(around, tiles, u + du, v + dv)
+                slot = slot_of(directory, corner, tiles, u + du, v + dv)
                 square = (sums[slot, 6] - x) ** 2 + (sums[slot, 7] - y) ** 2
                 best = slot if square < nearest else best
                 nearest = min(nearest, square)
