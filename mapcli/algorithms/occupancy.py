@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms._kernels.likelihood import bridge_walls, update_field
 from mapcli.algorithms._kernels.mapping import FAR, integrate_beams, place_beams
+from mapcli.algorithms.growth import grown, too_large
 from mapcli.algorithms.likelihood import LEVEL_WIDTHS, bump_of, make_levels
 from mapcli.algorithms.log_odds import log_odds_of, probabilities_of
 from mapcli.algorithms.perception import Perception
-from mapcli.algorithms.surfels import SurfelMap, too_large
+from mapcli.algorithms.surfels import SurfelMap
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D, wrap_angle
@@ -163,18 +164,11 @@ class OccupancyGrid:
 
     def _cover_cells(self, low: list[int], high: list[int]) -> None:
         """Make the array hold the cells from `low` to `high`, each (u, v) from the base."""
-        first, last = [value - self._edge for value in low], [value + self._edge for value in high]
-        rows, columns = self.log_odds.shape
-        for axis, (start, length) in enumerate(((self._u0, columns), (self._v0, rows))):
-            stop = start + length
-            if length == 0:
-                continue
-            # A quarter more on a side that must grow: as few copies as a doubling array.
-            spare = max(length // 4, BLOCK)
-            first[axis] = min(first[axis], start - spare) if first[axis] < start else start
-            last[axis] = max(last[axis], stop + spare) if last[axis] >= stop else stop - 1
-        u, v = (value // BLOCK * BLOCK for value in first)
-        blocks = (last[0] - u) // BLOCK + 1, (last[1] - v) // BLOCK + 1
+        (rows, columns), edge = self.log_odds.shape, self._edge
+        first_u, last_u = grown(low[0] - edge, high[0] + edge, self._u0, columns, BLOCK)
+        first_v, last_v = grown(low[1] - edge, high[1] + edge, self._v0, rows, BLOCK)
+        u, v = first_u // BLOCK * BLOCK, first_v // BLOCK * BLOCK
+        blocks = (last_u - u) // BLOCK + 1, (last_v - v) // BLOCK + 1
         if (u, v, blocks) != (self._u0, self._v0, (columns // BLOCK, rows // BLOCK)):
             self._move_to(u, v, blocks[0] * BLOCK, blocks[1] * BLOCK)
 

@@ -116,8 +116,8 @@ class StretchMatcher:
             return None
         cell = self.map.resolution
         half = math.ceil(window[0] / cell), math.ceil(window[1] / TURN_STEP)
-        far, turn = (half[0] + max(LEVEL_WIDTHS)) * cell, (half[1] + 1) * TURN_STEP
-        grid = self.map_around(old, window_box(points, predicted, far, turn))
+        far, wide = (half[0] + max(LEVEL_WIDTHS)) * cell, (half[1] + 1) * TURN_STEP
+        grid = self.map_around(old, window_box(points, predicted, far, wide))
         start = grid.pose_to_cells(predicted)
         cells = thinned(points, self.parameters.search_cell) / cell
         du, dv, turn, _, _ = kernels.search(

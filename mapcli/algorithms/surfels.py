@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from mapcli.algorithms._kernels import surfels as kernels
 from mapcli.algorithms._kernels.surfel_fit import fit_scans
 from mapcli.algorithms._kernels.tiles import BORDER, SHIFT, SIDE
-from mapcli.errors import DataError
+from mapcli.algorithms.growth import grown, too_large
 from mapcli.model.pose import Pose2D, wrap_angle
 
 START, START_TILES = 1 << 10, 1 << 7
@@ -136,29 +136,24 @@ class SurfelMap:
             self._sums = _twice(self._sums)
             self._surfels = np.zeros((len(self._sums), 5))
             self._states = np.zeros(len(self._sums), np.int8)
-        low, high = (np.floor(end / self.cell) for end in (points.min(axis=0), points.max(axis=0)))
-        if max(high - low) > SIDE * MOST_TILES:
-            raise too_large((high - low) * self.cell)
-        self._extend([int(end) >> SHIFT for end in low], [int(end) >> SHIFT for end in high])
+        cells = np.floor([points.min(axis=0) / self.cell, points.max(axis=0) / self.cell])
+        low, high = ([int(end) >> SHIFT for end in ends] for ends in cells.tolist())
+        self._hold(low, high)
 
-    def _extend(self, low: list[int], high: list[int]) -> None:
-        """Make the directory hold the tiles from `low` to `high`, each (u, v), and their border,
-        with some to spare: as few copies as an array that doubles."""
-        rows, columns = self._directory.shape
-        begin, end = [], []
-        for first, last, start, size in zip(low, high, self._corner, (columns, rows), strict=True):
-            spare, stop = BORDER + max(size // 4, 1), start + size
-            begin.append(start if size and first - BORDER >= start else first - spare)
-            end.append(stop if size and last + BORDER < stop else last + spare + 1)
-            if size:
-                begin[-1], end[-1] = min(begin[-1], start), max(end[-1], stop)
-        across, up = end[0] - begin[0], end[1] - begin[1]
-        if across * up > MOST_TILES:
-            raise too_large(SIDE * self.cell * np.array([across, up]))
-        directory = np.zeros((up, across), np.int32)
-        u, v = self._corner[0] - begin[0], self._corner[1] - begin[1]
-        directory[v : v + rows, u : u + columns] = self._directory
-        self._directory, self._corner = directory, (begin[0], begin[1])
+    def _hold(self, low: list[int], high: list[int]) -> None:
+        """Make the directory hold the tiles from `low` to `high`, each (u, v), and its border."""
+        (rows, columns), (u, v) = self._directory.shape, self._corner
+        left, right = grown(low[0] - BORDER, high[0] + BORDER, u, columns, BORDER)
+        bottom, top = grown(low[1] - BORDER, high[1] + BORDER, v, rows, BORDER)
+        shape = top - bottom + 1, right - left + 1
+        if shape == (rows, columns):
+            return
+        if shape[0] * shape[1] > MOST_TILES:
+            raise too_large(SIDE * self.cell * np.array([shape[1], shape[0]]))
+        directory = np.zeros(shape, np.int32)
+        held = np.s_[v - bottom : v - bottom + rows, u - left : u - left + columns]
+        directory[held] = self._directory
+        self._directory, self._corner = directory, (left, bottom)
 
     def fit(
         self,
@@ -256,11 +251,3 @@ def _twice(table: NDArray[Any]) -> NDArray[Any]:
     longer = np.zeros((2 * len(table), *table.shape[1:]), table.dtype)
     longer[: len(table)] = table
     return longer
-
-
-def too_large(metres: NDArray[np.float64]) -> DataError:
-    """The error of a map that no sane log makes."""
-    return DataError(
-        f"the map would be {metres[0]:,.0f} m x {metres[1]:,.0f} m",
-        expected="sane odometry and ranges, or a coarser --resolution",
-    )

@@ -61,13 +61,15 @@ def enter(
         return 0, used
     up, across = (v >> SHIFT) - corner[1], (u >> SHIFT) - corner[0]
     row, column = v & (SIDE - 1), u & (SIDE - 1)
-    slot: int = tiles[directory[up, across], row, column]
+    tile = directory[up, across]
+    slot: int = tiles[tile, row, column]
     if slot:
         return slot, used
-    if n_slots == most or (directory[up, across] == 0 and n_tiles == len(tiles)):
+    if n_slots == most or (tile == 0 and n_tiles == len(tiles)):
         return 0, used
-    if directory[up, across] == 0:
-        directory[up, across] = n_tiles
+    if tile == 0:
+        tile = n_tiles
+        directory[up, across] = tile
         n_tiles += 1
-    tiles[directory[up, across], row, column] = n_slots
+    tiles[tile, row, column] = n_slots
     return n_slots, (n_tiles, n_slots + 1)
