@@ -13,6 +13,7 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from types import ModuleType
 from typing import NoReturn
 
 import click
@@ -48,6 +49,18 @@ EXIT_UNREAD = 0
 """The reader of our stdout has gone (`| head`); that is no fault of ours."""
 
 
+def imported(name: str) -> ModuleType:
+    """A module; what comes with it will not become garbage, so none is looked for meanwhile."""
+    if name in sys.modules:
+        return sys.modules[name]
+    gc.disable()
+    try:
+        return importlib.import_module(name)
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
 class LazyGroup(click.Group):
     """A group that knows its subcommands' names and imports the one that runs."""
 
@@ -58,10 +71,7 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         name = MODULES.get(cmd_name, cmd_name.replace("-", "_"))
-        gc.disable()  # what is imported will not become garbage; do not look for any
-        command = importlib.import_module(f"mapcli.commands.{name}").command
-        gc.freeze()
-        gc.enable()
+        command = imported(f"mapcli.commands.{name}").command
         assert isinstance(command, click.Command)
         return command
 
