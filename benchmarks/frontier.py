@@ -25,10 +25,10 @@ from typing import IO, NamedTuple
 
 import numpy as np
 
-from mapcli.algorithms.explore import explore
-from mapcli.algorithms.explore_parameters import ExploreParameters
-from mapcli.formats.map_output import SaveOptions, dump_map
-from mapcli.formats.maps import load_map
+from mapcli.algorithms.exploration.exploration_parameters import ExploreParameters
+from mapcli.algorithms.exploration.explore import explore
+from mapcli.formats.maps.dump import SaveOptions, dump_map
+from mapcli.formats.maps.load import load_map
 from mapcli.model.exploration_replay import Replay
 from mapcli.model.grid import GridMap
 
@@ -169,7 +169,7 @@ def literal(maps: Path) -> None:
     """Time steps of the literal algorithm from moments of our own exploration on, whose steps are
     the same (the tests say so on small maps, and here they are compared)."""
     sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
-    from literal_frontier import LiteralFrontier  # type: ignore[import-not-found]
+    from support.literal_frontier import LiteralFrontier  # type: ignore[import-not-found]
 
     world = load_map(maps / "depot.yaml").grid
     (start,) = map(tuple, world.cells_of_world([(0.0, 0.0)]).tolist())

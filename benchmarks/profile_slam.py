@@ -19,18 +19,18 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from mapcli.algorithms.slam import Slam
+from mapcli.algorithms.slam.slam import Slam
 from mapcli.commands._log_options import LogInput
 from mapcli.commands._replay import Replay
 from mapcli.commands._replay_outputs import ReplayOutputs, write_outputs
 
 STAGES = {
-    "perceiving": ("mapcli.algorithms.slam", "perceive"),
-    "matching": ("mapcli.algorithms.slam", "best_pose"),
-    "updating": ("mapcli.algorithms.current_map", "CurrentMap.update"),
-    "closing loops": ("mapcli.algorithms.loops", "LoopCloser.run"),
-    "refining": ("mapcli.algorithms.closing", "refine"),
-    "rebuilding": ("mapcli.algorithms.closing", "rebuild"),
+    "perceiving": ("mapcli.algorithms.slam.slam", "perceive"),
+    "matching": ("mapcli.algorithms.slam.slam", "best_pose"),
+    "updating": ("mapcli.algorithms.slam.local_map", "CurrentMap.update"),
+    "closing loops": ("mapcli.algorithms.slam.loop_closure", "LoopCloser.run"),
+    "refining": ("mapcli.algorithms.slam.back_end", "refine"),
+    "rebuilding": ("mapcli.algorithms.slam.back_end", "rebuild"),
 }
 """Stage -> the module and the name by which it is called."""
 
@@ -97,7 +97,7 @@ class Profile:
             wrap(place, lambda plain, stage=stage: self.watch.timed(stage, plain))
             for stage, place in STAGES.items()
         ]
-        undo.append(wrap(("mapcli.algorithms.slam", "Slam.step"), self._counted))
+        undo.append(wrap(("mapcli.algorithms.slam.slam", "Slam.step"), self._counted))
         try:
             self._run(log)
         finally:

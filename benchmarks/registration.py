@@ -15,9 +15,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from mapcli.algorithms.registration import register
-from mapcli.algorithms.transform import bake, crop_to_box, move
-from mapcli.formats.maps import load_map
+from mapcli.algorithms.maps.registration import register
+from mapcli.algorithms.maps.transform import bake, crop_to_box, move
+from mapcli.formats.maps.load import load_map
 from mapcli.model.pose import Pose2D
 
 FIXTURE = Path(__file__).parents[1] / "fixtures" / "apartment.mcap"

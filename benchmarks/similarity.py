@@ -14,11 +14,11 @@ import time
 
 import numpy as np
 
-from mapcli.algorithms.candidates import Window
-from mapcli.algorithms.expected import Fan, expected_ranges
-from mapcli.algorithms.raycast import edges_of
-from mapcli.algorithms.similarity import SIMILARITIES
-from mapcli.algorithms.similarity_table import scan_table
+from mapcli.algorithms.scans.ray_casting import edges_of
+from mapcli.algorithms.similarity.candidate_poses import Window
+from mapcli.algorithms.similarity.expected_perception import Fan, expected_ranges
+from mapcli.algorithms.similarity.grid_table import scan_table
+from mapcli.algorithms.similarity.measures import SIMILARITIES
 from mapcli.model.grid import GridMap
 from mapcli.model.perception import ScanPerception, Standpoint
 from mapcli.model.pose import Pose2D

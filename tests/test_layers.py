@@ -11,36 +11,98 @@ import pytest
 
 PACKAGE = Path(__file__).parent.parent / "mapcli"
 
-MAY_IMPORT = {
-    "errors": set(),
-    "model": {"errors", "model"},
-    "algorithms": {"errors", "model", "algorithms"},
-    "formats": {"errors", "model", "formats"},
-    "commands": {"errors", "model", "algorithms", "formats", "commands"},
-}
+RULES = """
+errors ->
+startup ->
+model -> errors
+algorithms -> startup
+algorithms.scans -> model
+algorithms.similarity -> algorithms.scans
+algorithms.slam -> algorithms.similarity
+algorithms.evaluation -> algorithms.slam
+algorithms.maps -> model
+algorithms.simulation -> algorithms.scans algorithms.maps
+algorithms.exploration -> algorithms.maps
+formats -> model
+formats.maps -> formats
+formats.logs -> formats
+formats.documents -> formats.maps formats.logs
+pictures -> formats.documents
+commands -> pictures algorithms.evaluation algorithms.simulation algorithms.exploration
+cli ->
+"""
+"""Room -> the rooms that it may import from; what these may import, it may too."""
+
+ALL_ALGORITHMS = "algorithms", "startup", "model"
+"""Every room of `algorithms` may import how loops are compiled, and records."""
+
 HEAVY = {"numba", "scipy", "gtsam", "shapely", "rosbags", "mcap", "PIL", "rich", "yaml", "numpy"}
 
 
-def layer_of(file: Path) -> str:
-    return file.relative_to(PACKAGE).parts[0].removesuffix(".py")
+def rules() -> dict[str, set[str]]:
+    """Room -> every room that it may import from, itself included."""
+    direct = {room: names.split() for room, _, names in
+              (line.partition(" ->") for line in RULES.strip().splitlines())}  # fmt: skip
+    allowed: dict[str, set[str]] = {}
+
+    def reach(room: str) -> set[str]:
+        if room not in allowed:
+            common = ALL_ALGORITHMS if room.startswith("algorithms.") else ()
+            allowed[room] = {room}.union(*(reach(name) for name in (*direct[room], *common)))
+        return allowed[room]
+
+    return {room: reach(room) for room in direct}
 
 
-def imported_layers(file: Path) -> set[str]:
-    names = []
+MAY_IMPORT = rules()
+
+
+def room_of(module: str) -> str:
+    """`mapcli.algorithms.slam._kernels.tiles` -> `algorithms.slam`; the whole package is `cli`."""
+    parts = module.split(".")[1:]
+    names = (".".join(parts[:length]) for length in range(len(parts), 0, -1))
+    return next((name for name in names if name in MAY_IMPORT), "cli")
+
+
+def module_of(file: Path) -> str:
+    parts = file.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def imports_of(file: Path) -> set[str]:
+    """The modules of mapcli that a module imports, wherever in it."""
+    names: set[str] = set()
     for node in ast.walk(ast.parse(file.read_text())):
         if isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            names.append(node.module or "")
-    return {name.split(".")[1] for name in names if name.startswith("mapcli.")}
+            module = node.module or ""
+            for alias in node.names:
+                inner = f"{module}.{alias.name}"
+                is_module = (PACKAGE.parent / (inner.replace(".", "/") + ".py")).exists()
+                names.add(inner if is_module else module)
+    return {name for name in names if name.split(".")[0] == "mapcli"}
 
 
-MODULES = [file for file in PACKAGE.rglob("*.py") if layer_of(file) in MAY_IMPORT]
+MODULES = {module_of(file): file for file in sorted(PACKAGE.rglob("*.py"))}
+BELOW = {name: file for name, file in MODULES.items() if room_of(name) != "cli"}
 
 
-@pytest.mark.parametrize("file", MODULES, ids=lambda f: str(f.relative_to(PACKAGE)))
-def test_imports_point_down_only(file: Path) -> None:
-    assert imported_layers(file) <= MAY_IMPORT[layer_of(file)]
+@pytest.mark.parametrize("module", BELOW)
+def test_a_room_imports_from_the_rooms_below_it_only(module: str) -> None:
+    imported = {room_of(name) for name in imports_of(BELOW[module]) if name != "mapcli"}
+    assert imported <= MAY_IMPORT[room_of(module)]
+
+
+@pytest.mark.parametrize("module", BELOW)
+def test_kernels_are_used_by_their_own_room_only(module: str) -> None:
+    kernels = [name for name in imports_of(BELOW[module]) if "._kernels" in name]
+    assert all(room_of(name) == room_of(module) for name in kernels)
+
+
+def test_the_rules_have_no_circle() -> None:
+    for room, allowed in MAY_IMPORT.items():
+        assert all(room not in MAY_IMPORT[other] for other in allowed - {room})
 
 
 def modules_loaded_by(code: str) -> set[str]:

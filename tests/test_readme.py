@@ -21,11 +21,11 @@ from pathlib import Path
 
 import click
 import pytest
+from support.paths import ROOT
 from test_help import parsed
 
 from mapcli.cli import COMMANDS
 
-ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 PICTURE = ROOT / "docs" / "apartment.png"
 DRAWN = "apartment-slam/map.png"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mapcli.algorithms.evaluate import EvaluateParameters
+from mapcli.algorithms.evaluation.trajectory_error import EvaluateParameters
 from mapcli.model.counting import counted
 from mapcli.model.evaluation import STATISTICS, Errors, Evaluation, statistics
 from mapcli.model.trajectory import Trajectory

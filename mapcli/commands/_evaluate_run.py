@@ -10,14 +10,14 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.evaluate import EvaluateParameters, compare
-from mapcli.algorithms.relations import compare_relations
+from mapcli.algorithms.evaluation.relations import compare_relations
+from mapcli.algorithms.evaluation.trajectory_error import EvaluateParameters, compare
 from mapcli.commands._evaluate_report import described
 from mapcli.commands._log_options import LogInput, say_notes
 from mapcli.errors import MapcliError
-from mapcli.formats.logs import Log
-from mapcli.formats.relations import is_relations, load_relations
-from mapcli.formats.trajectories import load_trajectory
+from mapcli.formats.documents.relations import is_relations, load_relations
+from mapcli.formats.documents.trajectories import load_trajectory
+from mapcli.formats.logs.open_log import Log
 from mapcli.model.counting import counted
 from mapcli.model.evaluation import Evaluation, Kind
 from mapcli.model.scan import Odometry, Record
@@ -93,7 +93,7 @@ class EvaluateRun:
         return compare_relations(trace, relations, odometry)
 
     def _self_check(self, trace: Trajectory, name: str) -> Evaluation:
-        from mapcli.algorithms.self_check import self_check
+        from mapcli.algorithms.evaluation.self_check import self_check
 
         self.against = f"{name}: its own closed loops"
         return self_check(trace, self._records(name))
@@ -132,6 +132,6 @@ class EvaluateRun:
             return {**asdict(self.parameters), "topic": self.topic}
         if self.files.kind == "relations":
             return {"odometry": self.files.odometry is not None}
-        from mapcli.algorithms.self_check import SelfCheckParameters
+        from mapcli.algorithms.evaluation.self_check import SelfCheckParameters
 
         return {**self.log_input.parameters(), **asdict(SelfCheckParameters())}

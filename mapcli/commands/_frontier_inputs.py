@@ -9,10 +9,10 @@ from pathlib import Path
 
 import click
 
-from mapcli.algorithms.explore import contradictions
+from mapcli.algorithms.exploration.explore import contradictions
 from mapcli.errors import DataError
-from mapcli.formats.dialects import Dialect
-from mapcli.formats.maps import load_map, read_file
+from mapcli.formats.maps.dialects import Dialect
+from mapcli.formats.maps.load import load_map, read_file
 from mapcli.model.counting import counted
 from mapcli.model.exploration import Cell
 from mapcli.model.grid import GridMap

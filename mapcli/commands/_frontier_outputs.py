@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from mapcli.algorithms.explore_parameters import ExploreParameters
+from mapcli.algorithms.exploration.exploration_parameters import ExploreParameters
 from mapcli.commands._output import check_outputs, write_bytes, write_files
 from mapcli.model.exploration import Exploration, coverage_curve
 from mapcli.model.grid import GridMap
@@ -135,15 +135,15 @@ def contents(
     """The files of one exploration for one option: name -> content."""
     small = max(exploration.after.cells.shape) <= BOOK_SIDE
     if option == "--json":
-        from mapcli.formats.exploration_trace import write_trace
+        from mapcli.formats.documents.exploration_trace import write_trace
 
         return {file: write_trace(exploration, inputs, asdict(parameters))}
     if option == "--png":
-        from mapcli.formats.exploration_picture import exploration_picture
+        from mapcli.pictures.exploration import exploration_picture
 
         return {file: exploration_picture(exploration, small=small, low=parameters.low)}
     if option == "--gif":
-        from mapcli.formats.exploration_gif import exploration_gif
+        from mapcli.pictures.exploration_gif import exploration_gif
 
         return {file: exploration_gif(exploration, small=small, low=parameters.low)}
     return map_files(file, exploration.after)
@@ -151,7 +151,7 @@ def contents(
 
 def map_files(file: str, grid: GridMap) -> dict[str, bytes]:
     """The map's files. An image keeps whole percents when there are other cells than 0 and 1."""
-    from mapcli.formats.map_output import SaveOptions, dump_map
+    from mapcli.formats.maps.dump import SaveOptions, dump_map
 
     graded = bool(((grid.cells > 0) & (grid.cells < 1)).any())
     options = SaveOptions("scale" if graded else "trinary", format="txt" if file == "-" else None)
@@ -162,9 +162,9 @@ def curve_content(file: str, runs: Runs) -> bytes:
     """Coverage over distance of all runs."""
     curves = {str(run.strategy): coverage_curve(made) for run, made in runs.items()}
     if Path(file).suffix.lower() == ".png":
-        from mapcli.formats.exploration_plot import draw_curve
+        from mapcli.pictures.exploration_plot import draw_curve
 
         return draw_curve(curves)
-    from mapcli.formats.exploration_curve import write_curve_csv
+    from mapcli.formats.documents.exploration_curve import write_curve_csv
 
     return write_curve_csv(curves)

@@ -91,7 +91,7 @@ def _plan_line(cell: FrontierCell) -> str:
 def map_text(exploration: Exploration, low: float, width: int) -> list[str]:
     """The map as text: numbers where they fit into so many letters a line, else `#` for
     obstacles, `.` for open and `?` for unknown cells, reduced to fit."""
-    from mapcli.formats.text import number_rows
+    from mapcli.formats.maps.text import number_rows
 
     grid = exploration.after
     numbers = b"".join(number_rows(grid)).decode().splitlines()

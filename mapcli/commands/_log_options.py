@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import click
 
 from mapcli.commands._options import NOT_NEGATIVE, POSE
-from mapcli.formats.logs import Log, open_log
+from mapcli.formats.logs.open_log import Log, open_log
 from mapcli.model.log import LogOptions, select
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Mount, Record

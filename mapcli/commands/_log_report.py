@@ -7,10 +7,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from typing import Any
 
-from mapcli.algorithms.log_check import CheckUp, Rhythm, check_log
+from mapcli.algorithms.evaluation.log_check import CheckUp, Rhythm, check_log
 from mapcli.errors import DataError, FormatError
-from mapcli.formats.document import document
-from mapcli.formats.logs import Log, open_log
+from mapcli.formats.documents.document import document
+from mapcli.formats.logs.open_log import Log, open_log
 from mapcli.model.counting import counted
 from mapcli.model.log import LogOptions, Topic
 from mapcli.model.scan import Mount, RangeScan, Record

@@ -12,8 +12,8 @@ from typing import Any
 import click
 
 from mapcli.commands._options import NumberList, PoseType
-from mapcli.formats.dialects import Dialect
-from mapcli.formats.maps import LoadedMap, load_map, read_file
+from mapcli.formats.maps.dialects import Dialect
+from mapcli.formats.maps.load import LoadedMap, load_map, read_file
 from mapcli.model.grid import GridMap, crop_to_known
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import Pose2D
@@ -125,51 +125,51 @@ def apply(
 
 
 def _crop(result: Result, box: Any, dialect: Dialect) -> Result:
-    from mapcli.algorithms.transform import crop_to_box
+    from mapcli.algorithms.maps.transform import crop_to_box
 
     grid = crop_to_known(result.grid) if box == "known" else crop_to_box(result.grid, *box)
     return replace(result, grid=grid)
 
 
 def _bake_yaw(result: Result, value: bool, dialect: Dialect) -> Result:
-    from mapcli.algorithms.transform import bake
+    from mapcli.algorithms.maps.transform import bake
 
     return replace(result, grid=bake(result.grid))
 
 
 def _resample(result: Result, resolution: float, dialect: Dialect) -> Result:
-    from mapcli.algorithms.transform import resample
+    from mapcli.algorithms.maps.transform import resample
 
     return replace(result, grid=resample(result.grid, resolution))
 
 
 def _rotate(result: Result, degrees: float, dialect: Dialect) -> Result:
-    from mapcli.algorithms.transform import rotate
+    from mapcli.algorithms.maps.transform import rotate
 
     return result.moved(rotate(result.grid, math.radians(degrees)))
 
 
 def _flip(result: Result, side: Any, dialect: Dialect) -> Result:
-    from mapcli.algorithms.transform import flip
+    from mapcli.algorithms.maps.transform import flip
 
     return result.moved(flip(result.grid, side))
 
 
 def _shift(result: Result, by: tuple[float, float], dialect: Dialect) -> Result:
-    from mapcli.algorithms.transform import shift
+    from mapcli.algorithms.maps.transform import shift
 
     return result.moved(shift(result.grid, *by))
 
 
 def _origin(result: Result, origin: Pose2D, dialect: Dialect) -> Result:
-    from mapcli.algorithms.transform import place
+    from mapcli.algorithms.maps.transform import place
 
     return result.moved(place(result.grid, origin))
 
 
 def _align(result: Result, value: bool, dialect: Dialect) -> Result:
-    from mapcli.algorithms.transform import bake, move
-    from mapcli.algorithms.wall_direction import wall_direction
+    from mapcli.algorithms.maps.transform import bake, move
+    from mapcli.algorithms.maps.wall_direction import wall_direction
 
     angle = wall_direction(result.grid)
     grid, motion = move(result.grid, Pose2D(0, 0, -angle))
@@ -179,8 +179,8 @@ def _align(result: Result, value: bool, dialect: Dialect) -> Result:
 
 
 def _merge(result: Result, value: tuple[str, Pose2D | str | None], dialect: Dialect) -> Result:
-    from mapcli.algorithms.registration import register, score
-    from mapcli.algorithms.transform import merge, move
+    from mapcli.algorithms.maps.registration import register, score
+    from mapcli.algorithms.maps.transform import merge, move
 
     file, how = value
     digests = dict(result.digests)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from mapcli.formats.dialects import DIALECTS
+from mapcli.formats.maps.dialects import DIALECTS
 
 dialect_option = click.option(
     "--dialect",

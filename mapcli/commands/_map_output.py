@@ -10,7 +10,7 @@ import click
 
 from mapcli.commands._output import output_file, write_files
 from mapcli.errors import DataError, OutputError
-from mapcli.formats.map_output import SUFFIXES, Pieces, SaveOptions, map_files
+from mapcli.formats.maps.dump import SUFFIXES, Pieces, SaveOptions, map_files
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 
@@ -82,7 +82,7 @@ def _differs(path: Path, pieces: Pieces) -> bool:
 
 def loss_notes(grid: GridMap, target: str, options: SaveOptions) -> list[str]:
     """What OUT does not hold, how to keep it, and what only mapcli will find."""
-    from mapcli.formats.map_losses import losses
+    from mapcli.formats.maps.losses import losses
 
     lost = losses(grid, target, options)
     notes = list(lost)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from mapcli.commands._world_report import Points, cell_at, cell_line
-from mapcli.formats.dialects import Dialect
-from mapcli.formats.document import document
-from mapcli.formats.maps import LoadedMap, load_map, read_file
+from mapcli.formats.documents.document import document
+from mapcli.formats.maps.dialects import Dialect
+from mapcli.formats.maps.load import LoadedMap, load_map, read_file
 
 OCCUPIED_FROM = 0.5
 """Cells from this probability on count as occupied, as in `--low` of the other commands."""

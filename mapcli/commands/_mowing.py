@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mapcli.algorithms.sensors import OdometryModel
+from mapcli.algorithms.simulation.sensors import OdometryModel
 from mapcli.commands._options import FILE, POSITIVE, Command
 from mapcli.commands._output import check_outputs, output_file, progress, write_bytes
 from mapcli.errors import DataError
@@ -55,9 +55,9 @@ def mow_lawn(
     Raises:
         DataError: no lawn, or marks so large that they touch.
     """
-    from mapcli.algorithms.mow import MowerModel
-    from mapcli.algorithms.mow_plan import plan_mowing
-    from mapcli.formats.world import load_world
+    from mapcli.algorithms.simulation.mowing import MowerModel
+    from mapcli.algorithms.simulation.mowing_plan import plan_mowing
+    from mapcli.formats.documents.world import load_world
 
     outputs = [name for name in (out, given["png"], given["json"]) if name]
     check_outputs(outputs, [world], "maps", no_clobber=given["no_clobber"])
@@ -90,7 +90,7 @@ def _check_size(plan: MowingPlan, size: float) -> None:
 
 def _mow_all(plan: MowingPlan, mower: Any, given: dict[str, Any], *, quiet: bool) -> list[Mowing]:
     """By odometry alone; then with the landmarks asked for, then with some of other sizes."""
-    from mapcli.algorithms.mow import mow
+    from mapcli.algorithms.simulation.mowing import mow
 
     sizes: list[float | None] = [None]
     if len(plan.marks):
@@ -109,19 +109,19 @@ def _write(
 ) -> None:  # fmt: skip
     no_clobber = given["no_clobber"]
     if out:
-        from mapcli.algorithms.mow import mower_log
-        from mapcli.formats.mcap_log import McapLogWriter
+        from mapcli.algorithms.simulation.mowing import mower_log
+        from mapcli.formats.logs.mcap.writer import McapLogWriter
 
         first = mowings[min(1, len(mowings) - 1)].runs[0]
         with output_file(out, no_clobber=no_clobber) as file, McapLogWriter(file) as log:
             for record in mower_log(plan, first, wheels.rate):
                 log.write(record)
     if given["png"]:
-        from mapcli.formats.mowing_picture import mowing_picture
+        from mapcli.pictures.mowing import mowing_picture
 
         write_bytes(given["png"], mowing_picture(plan, mowings[:2]), no_clobber=no_clobber)
     if given["json"]:
-        from mapcli.formats.document import document, json_bytes
+        from mapcli.formats.documents.document import document, json_bytes
 
         names = ("seed", "runs", "mow_width", "landmarks", "landmark_size", "speed",
                  "turn_rate_deg", "odom_rate", "odom_noise", "odom_scale", "odom_turn_scale",
@@ -170,7 +170,7 @@ def _ending(mowing: Mowing, width: float) -> list[tuple[str, str]]:
 
 def _by_size(marked: list[Mowing]) -> list[tuple[str, str]]:
     """How large the landmarks must be."""
-    from mapcli.algorithms.mow import smallest_reliable
+    from mapcli.algorithms.simulation.mowing import smallest_reliable
 
     ordered = sorted(marked, key=lambda each: each.landmark_size or 0)
     rows = [

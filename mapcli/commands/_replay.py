@@ -8,12 +8,12 @@ from dataclasses import asdict, replace
 from itertools import pairwise
 from typing import Any
 
-from mapcli.algorithms.closing import Finished
-from mapcli.algorithms.slam import Slam
+from mapcli.algorithms.slam.back_end import Finished
+from mapcli.algorithms.slam.slam import Slam
 from mapcli.commands._log_options import LogInput
 from mapcli.commands._output import progress, progress_of_steps
 from mapcli.errors import DataError
-from mapcli.formats.logs import Log
+from mapcli.formats.logs.open_log import Log
 from mapcli.model.grid import GridMap
 from mapcli.model.scan import RangeScan, Record
 from mapcli.model.summary import ReplaySummary

@@ -10,8 +10,8 @@ from typing import Any
 import click
 
 from mapcli.commands._output import check_outputs, output_file, write_bytes, write_files
-from mapcli.formats.map_output import SUFFIXES, SaveOptions, dump_map
-from mapcli.formats.trajectory import WRITERS, dump_trajectory
+from mapcli.formats.documents.trajectory import WRITERS, dump_trajectory
+from mapcli.formats.maps.dump import SUFFIXES, SaveOptions, dump_map
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
 from mapcli.model.summary import ReplaySummary
@@ -124,8 +124,8 @@ def _write_map(name: str, grid: GridMap, no_clobber: bool) -> None:
 def _write_json(
     name: str, trace: PoseTrace, head: Mapping[str, Any], summary: ReplaySummary, no_clobber: bool
 ) -> None:
-    from mapcli.formats.document import json_bytes
-    from mapcli.formats.trace import trace_document
+    from mapcli.formats.documents.document import json_bytes
+    from mapcli.formats.documents.trace import trace_document
 
     content = trace_document(trace, head["inputs"], head["parameters"], summary.document())
     write_bytes(name, json_bytes(content), no_clobber=no_clobber)
@@ -136,7 +136,7 @@ def _write_trace(name: str, trace: PoseTrace, no_clobber: bool) -> None:
 
 
 def _write_mcap(name: str, grid: GridMap, trace: PoseTrace, no_clobber: bool) -> None:
-    from mapcli.formats.result_mcap import write_result
+    from mapcli.formats.logs.mcap.result import write_result
 
     with output_file(name, no_clobber=no_clobber) as file:
         write_result(file, grid, trace)
@@ -145,7 +145,7 @@ def _write_mcap(name: str, grid: GridMap, trace: PoseTrace, no_clobber: bool) ->
 def _write_png(name: str, grid: GridMap, trace: PoseTrace, no_clobber: bool) -> None:
     import numpy as np
 
-    from mapcli.formats.picture import floor_plan
+    from mapcli.pictures.map_picture import floor_plan
 
     poses = np.array([(p.pose.x, p.pose.y, p.pose.theta) for p in trace.poses])
     stamps = np.array([p.stamp_ns - trace.poses[0].stamp_ns for p in trace.poses]) * 1e-9

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from mapcli.algorithms.cut import scan_perception
-from mapcli.algorithms.perception import PerceptionParameters
+from mapcli.algorithms.scans.perception import PerceptionParameters
+from mapcli.algorithms.scans.scan_extraction import scan_perception
 from mapcli.commands._output import write_bytes
 from mapcli.errors import DataError
-from mapcli.formats.perception_output import dump_perception
+from mapcli.formats.documents.perception_output import dump_perception
 from mapcli.model.scan import RangeScan
 from mapcli.model.trace import PoseTrace
 

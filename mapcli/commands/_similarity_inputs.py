@@ -9,15 +9,15 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.candidates import Candidates, Window, neighbours
-from mapcli.algorithms.map_update import updated
-from mapcli.algorithms.perception_map import PerceptionMap
-from mapcli.algorithms.readings_table import database_table, landmark_table
-from mapcli.algorithms.similarity import Similarity
-from mapcli.algorithms.similarity_table import grid_table, scan_map, scan_table, written_out
+from mapcli.algorithms.similarity.candidate_poses import Candidates, Window, neighbours
+from mapcli.algorithms.similarity.grid_table import grid_table, scan_map, scan_table, written_out
+from mapcli.algorithms.similarity.map_update import updated
+from mapcli.algorithms.similarity.measures import Similarity
+from mapcli.algorithms.similarity.perception_map import PerceptionMap
+from mapcli.algorithms.similarity.readings_table import database_table, landmark_table
 from mapcli.errors import FormatError
-from mapcli.formats.maps import SUFFIXES, load_map, read_file, sniff
-from mapcli.formats.perception import read_perception
+from mapcli.formats.documents.perception import read_perception
+from mapcli.formats.maps.load import SUFFIXES, load_map, read_file, sniff
 from mapcli.model.grid import GridMap
 from mapcli.model.perception import (
     GridPerceptions,
@@ -192,7 +192,7 @@ def _points(data: bytes, file: str) -> World:
     Raises:
         FormatError: the file holds something else.
     """
-    from mapcli.formats.world import read_world
+    from mapcli.formats.documents.world import read_world
 
     expected = "a points map for landmarks, YAML with points: [[x, y], ...]"
     if (SUFFIXES.get(Path(file).suffix.lower()) or sniff(data)) != "yaml":

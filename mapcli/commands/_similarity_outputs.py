@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.candidates import Window
-from mapcli.algorithms.expected import point_seen
-from mapcli.algorithms.map_update import side_by_side
-from mapcli.algorithms.peaks import find_peaks
-from mapcli.algorithms.similarity import better
-from mapcli.algorithms.similarity_table import in_cells, signs_of
+from mapcli.algorithms.similarity.candidate_poses import Window
+from mapcli.algorithms.similarity.expected_perception import point_seen
+from mapcli.algorithms.similarity.grid_table import in_cells, signs_of
+from mapcli.algorithms.similarity.local_maxima import find_peaks
+from mapcli.algorithms.similarity.map_update import side_by_side
+from mapcli.algorithms.similarity.measures import better
 from mapcli.commands._frontier_outputs import map_files, write_all
 from mapcli.commands._similarity_inputs import (
     GridsOnMap,
@@ -26,7 +26,7 @@ from mapcli.commands._similarity_inputs import (
     map_after,
 )
 from mapcli.errors import DataError
-from mapcli.formats.similarity_table import (
+from mapcli.formats.documents.similarity_table import (
     csv_text,
     markdown_lines,
     pose_content,
@@ -129,7 +129,7 @@ def _point(pose: Pose2D, distance: float, degrees: float) -> dict[str, float]:
 
 
 def _markdown_surface(rows: list[float], columns: list[float], surface: Floats) -> list[str]:
-    from mapcli.formats.similarity_table import number_text
+    from mapcli.formats.documents.similarity_table import number_text
 
     lines = [["up / right", *(f"{c:g}" for c in columns)], ["---:"] * (len(columns) + 1)]
     lines += [
@@ -158,7 +158,7 @@ def window_answer(answer: Answer, window: Window) -> Answer:
 
 def write_png(answer: Answer) -> bytes:
     """The picture: panels of matrices, a plan of landmarks, or the scores of a window."""
-    from mapcli.formats import similarity_picture as picture
+    from mapcli.pictures import similarity as picture
 
     comparison = answer.loaded.comparison
     if answer.peaks is not None and answer.surface is not None and answer.along is not None:
@@ -208,7 +208,7 @@ def write_update(name: str, answer: Answer, *, no_clobber: bool) -> None:
         raise DataError("no pose is the best, so the map cannot be updated",
                         file=answer.loaded.perception)  # fmt: skip
     if isinstance(comparison, LandmarksOnMap):
-        from mapcli.formats.world import write_world
+        from mapcli.formats.documents.world import write_world
 
         added = [(p["from_best"]["x"], p["from_best"]["y"]) for p in answer.located()]
         points = np.concatenate([comparison.world.points, np.array(added).reshape(-1, 2)])

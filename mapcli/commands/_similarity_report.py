@@ -9,7 +9,7 @@ import numpy as np
 
 from mapcli.commands._similarity_inputs import GridsOnMap, ScanOnMap
 from mapcli.commands._similarity_outputs import Answer
-from mapcli.formats.similarity_table import (
+from mapcli.formats.documents.similarity_table import (
     number_text,
     pose_text,
     position_name,

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mapcli.formats.document import document
-from mapcli.formats.world import load_world
+from mapcli.formats.documents.document import document
+from mapcli.formats.documents.world import load_world
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
 from mapcli.model.world import World
@@ -59,7 +59,7 @@ def _bounds(world: World, y_down: bool) -> list[float] | None:
 def _objects_at(
     world: World, point: tuple[float, float], y_down: bool, file: str
 ) -> dict[str, Any]:
-    from mapcli.algorithms.polygons import polygons_at
+    from mapcli.algorithms.maps.polygons import polygons_at
     from mapcli.errors import DataError
 
     x, y = point

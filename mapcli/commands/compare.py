@@ -17,7 +17,7 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import check_outputs, write_bytes
-from mapcli.formats.maps import load_map
+from mapcli.formats.maps.load import load_map
 from mapcli.model.comparison import LIMIT_FIELDS, STATES, Comparison
 from mapcli.model.summary import Limit
 
@@ -64,7 +64,7 @@ def command(
       mapcli compare mine.yaml truth.yaml --align --png differences.png
       mapcli compare -q mine.yaml truth.yaml --fail-if 'iou_occupied<0.5' --fail-if 'wall_p95_m>0.1'
     """
-    from mapcli.algorithms.compare import compare
+    from mapcli.algorithms.maps.compare import compare
 
     if a == b == "-":
         raise click.UsageError("A and B cannot both be standard input.")
@@ -74,7 +74,7 @@ def command(
     maps = [load_map(file, dialect=dialect, read=hashing(digests)) for file in (a, b)]
     comparison, pairs = compare(maps[0].grid, maps[1].grid, align=align, low=low)
     if png:
-        from mapcli.formats.difference_picture import difference_picture
+        from mapcli.pictures.difference import difference_picture
 
         picture = difference_picture(pairs, _names(a, b))
         write_bytes(png, picture, no_clobber=no_clobber)
@@ -101,7 +101,7 @@ def _names(a: str, b: str) -> tuple[str, str]:
 
 
 def _json(comparison: Comparison, inputs: dict[str, str], parameters: dict[str, Any]) -> bytes:
-    from mapcli.formats.document import document, json_bytes
+    from mapcli.formats.documents.document import document, json_bytes
 
     pose = comparison.alignment
     content = {

@@ -8,9 +8,9 @@ import click
 
 from mapcli.commands._map_output import DEFAULTS, loss_notes, save_options, write_map
 from mapcli.commands._options import FILE, POSE, Number, common_options, no_clobber_option
-from mapcli.formats.dialects import DIALECTS
-from mapcli.formats.grey import MODES
-from mapcli.formats.map_output import FORMATS
+from mapcli.formats.maps.dialects import DIALECTS
+from mapcli.formats.maps.dump import FORMATS
+from mapcli.formats.maps.grey import MODES
 from mapcli.model.pose import Pose2D
 
 SHARE = Number(0, 1)
@@ -90,8 +90,8 @@ def command(
       mapcli convert map.yaml - --threshold 0.7 | head
       mapcli convert scan.pgm map.yaml --resolution 0.05 --origin -10,-10,0
     """
-    from mapcli.algorithms.threshold import binary_map
-    from mapcli.formats.maps import load_map
+    from mapcli.algorithms.maps.threshold import binary_map
+    from mapcli.formats.maps.load import load_map
 
     dialect = from_dialect or given["dialect"]
     options = save_options(target, given)

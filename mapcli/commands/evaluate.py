@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.evaluate import EvaluateParameters
+from mapcli.algorithms.evaluation.trajectory_error import EvaluateParameters
 from mapcli.commands._evaluate_report import report_lines
 from mapcli.commands._evaluate_run import EvaluateRun, Files
 from mapcli.commands._limit_option import LimitType
@@ -108,13 +108,13 @@ def command(
         lines = report_lines(evaluation, files.trace, run.against, parameters)
         click.echo("\n".join(lines), err="-" in outputs)
     if json_file is not None:
-        from mapcli.formats.document import json_bytes
-        from mapcli.formats.evaluation import evaluation_document
+        from mapcli.formats.documents.document import json_bytes
+        from mapcli.formats.documents.evaluation import evaluation_document
 
         content = evaluation_document(evaluation, run.digests, run.effective_parameters())
         write_bytes(json_file, json_bytes(content), no_clobber=no_clobber)
     if png is not None:
-        from mapcli.formats.evaluation_picture import evaluation_picture
+        from mapcli.pictures.evaluation import evaluation_picture
 
         write_bytes(png, evaluation_picture(evaluation), no_clobber=no_clobber)
     for limit in limits:

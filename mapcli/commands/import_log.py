@@ -64,7 +64,7 @@ def command(
       mapcli import intel.log.gz intel.mcap
       mapcli import --start 10 --end 60 robot.mcap part.mcap
     """
-    from mapcli.formats.mcap_log import McapLogWriter
+    from mapcli.formats.logs.mcap.writer import McapLogWriter
 
     if out != "-" and not out.lower().endswith(".mcap"):
         raise click.UsageError(f"{out!r} does not end in .mcap.")

@@ -46,7 +46,7 @@ def command(
     if not quiet and json_file != "-":
         click.echo("\n\n".join(text for text, _ in reports))
     if json_file is not None:
-        from mapcli.formats.document import json_bytes
+        from mapcli.formats.documents.document import json_bytes
 
         documents = [document for _, document in reports]
         content = json_bytes(documents if len(documents) > 1 else documents[0])
@@ -91,7 +91,7 @@ def _is_log(file: str) -> bool:
     start = _first_bytes(file)
     if start.startswith(LOG_STARTS):
         return True
-    from mapcli.formats.carmen_lines import looks_like_carmen
+    from mapcli.formats.logs.carmen_lines import looks_like_carmen
 
     return looks_like_carmen(start)
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.candidates import neighbours
-from mapcli.algorithms.expected import Fan, landmark_database, scan_database
+from mapcli.algorithms.similarity.candidate_poses import neighbours
+from mapcli.algorithms.similarity.expected_perception import Fan, landmark_database, scan_database
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import (
@@ -24,7 +24,7 @@ from mapcli.commands._options import (
 )
 from mapcli.commands._output import check_outputs, write_bytes
 from mapcli.errors import DataError
-from mapcli.formats.perception_output import SUFFIXES, Writable, dump_perception
+from mapcli.formats.documents.perception_output import SUFFIXES, Writable, dump_perception
 from mapcli.model.grid import GridMap
 from mapcli.model.perception import (
     STEPS,
@@ -149,8 +149,8 @@ def _from_map(
 
 
 def _world(source: str, dialect: Any, *, quiet: bool) -> World | GridMap:
-    from mapcli.formats.maps import load_map
-    from mapcli.formats.world import load_world
+    from mapcli.formats.documents.world import load_world
+    from mapcli.formats.maps.load import load_map
 
     loaded = load_world(source)
     if isinstance(loaded.world, World) or source == "-" or dialect == "nav2":
@@ -190,7 +190,7 @@ def _from_log(
     Raises:
         DataError: there is no such scan.
     """
-    from mapcli.algorithms.cut import noting_start, scan_at, scan_perception
+    from mapcli.algorithms.scans.scan_extraction import noting_start, scan_at, scan_perception
     from mapcli.model.log import select
 
     log = log_input.open([source])

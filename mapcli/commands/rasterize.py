@@ -18,12 +18,12 @@ from mapcli.commands._options import (
 )
 from mapcli.commands._output import check_outputs, write_beside, write_bytes
 from mapcli.errors import DataError
-from mapcli.formats.map_output import SUFFIXES, SaveOptions, dump_map
+from mapcli.formats.maps.dump import SUFFIXES, SaveOptions, dump_map
 from mapcli.model.grid import GridMap
 from mapcli.model.memory import Memory
 
 if TYPE_CHECKING:
-    from mapcli.formats.world import LoadedWorld
+    from mapcli.formats.documents.world import LoadedWorld
     from mapcli.model.world import World
 
 MOST_LISTED = 32
@@ -96,7 +96,7 @@ def command(
 def _json(
     source: str, data: bytes, parameters: dict[str, Any], memory: Memory, cells: list[list[int]]
 ) -> bytes:
-    from mapcli.formats.document import document, json_bytes
+    from mapcli.formats.documents.document import document, json_bytes
 
     digest = {Path(source).name: hashlib.sha256(data).hexdigest()}
     listed = [{"x": x, "y": y} for x, y in cells]
@@ -105,7 +105,7 @@ def _json(
 
 
 def _load(source: str, *, y_down: bool) -> tuple[LoadedWorld, World]:
-    from mapcli.formats.world import load_world
+    from mapcli.formats.documents.world import load_world
 
     loaded = load_world(source, y_down=y_down)
     if isinstance(loaded.world, GridMap):
@@ -116,7 +116,7 @@ def _load(source: str, *, y_down: bool) -> tuple[LoadedWorld, World]:
 def _frame(
     world: World, box: tuple[float, ...] | None, resolution: float, *, y_down: bool
 ) -> GridMap:
-    from mapcli.algorithms.rasterize import box_around, frame_of
+    from mapcli.algorithms.maps.rasterize import box_around, frame_of
 
     if box is None:
         return frame_of(box_around(world, resolution), resolution)
@@ -130,8 +130,8 @@ def _rasterized(
     """The map of covered cells, and the one to be written: that or the shares."""
     import numpy as np
 
-    from mapcli.algorithms.polygons import solid_area
-    from mapcli.algorithms.rasterize import covered_shares, rasterize
+    from mapcli.algorithms.maps.polygons import solid_area
+    from mapcli.algorithms.maps.rasterize import covered_shares, rasterize
 
     grid = rasterize(world, frame, min_cover)
     if not shares:

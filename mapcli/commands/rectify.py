@@ -13,7 +13,7 @@ from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, POSITIVE, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs, write_beside, write_bytes
 from mapcli.errors import DataError
-from mapcli.formats.map_output import SUFFIXES, SaveOptions, dump_map
+from mapcli.formats.maps.dump import SUFFIXES, SaveOptions, dump_map
 from mapcli.model.counting import counted
 
 if TYPE_CHECKING:
@@ -105,8 +105,8 @@ def _trace(
     source: str, target: str, png: str | None, tolerance: float | None, shortest: float | None,
     loop: bool | None, no_clobber: bool, verbose: bool,
 ) -> list[tuple[str, str]]:  # fmt: skip
-    from mapcli.algorithms.rectify import RectifyParameters, rectify_trace
-    from mapcli.formats.trace import load_trace_poses
+    from mapcli.algorithms.maps.rectify_trace import RectifyParameters, rectify_trace
+    from mapcli.formats.documents.trace import load_trace_poses
 
     before = load_trace_poses(source)
     result = rectify_trace(before.poses, RectifyParameters(tolerance, shortest, loop))
@@ -114,7 +114,7 @@ def _trace(
     data = _dump_trace(source, target, before, result, parameters)
     write_bytes(target, data, no_clobber=no_clobber)
     if png:
-        from mapcli.formats.before_after import rectified_trace_picture
+        from mapcli.pictures.before_after import rectified_trace_picture
 
         picture = rectified_trace_picture(before.poses[:, :2], result)
         write_bytes(png, picture, no_clobber=no_clobber)
@@ -124,9 +124,9 @@ def _trace(
 def _dump_trace(
     source: str, target: str, before: Any, result: RectifiedTrace, parameters: dict[str, Any]
 ) -> bytes:
-    from mapcli.formats.document import json_bytes
-    from mapcli.formats.trace import trace_document
-    from mapcli.formats.trajectory import dump_trajectory
+    from mapcli.formats.documents.document import json_bytes
+    from mapcli.formats.documents.trace import trace_document
+    from mapcli.formats.documents.trajectory import dump_trajectory
     from mapcli.model.pose import Pose2D
     from mapcli.model.trace import PoseTrace, TracedPose
 
@@ -169,8 +169,8 @@ def _map(
     source: str, target: str, png: str | None, tolerance: float | None, dialect: Any,
     no_clobber: bool, quiet: bool,
 ) -> list[tuple[str, str]]:  # fmt: skip
-    from mapcli.algorithms.rectify_map import CELLS_OFF, rectify_map
-    from mapcli.formats.maps import load_map
+    from mapcli.algorithms.maps.rectify_map import CELLS_OFF, rectify_map
+    from mapcli.formats.maps.load import load_map
 
     loaded = load_map(source, dialect=dialect)
     for warning in () if quiet else loaded.warnings:
@@ -181,7 +181,7 @@ def _map(
     files = dump_map(result.grid, target, SaveOptions(format="txt" if target == "-" else None))
     write_beside(target, files, no_clobber=no_clobber)
     if png:
-        from mapcli.formats.before_after import rectified_map_picture
+        from mapcli.pictures.before_after import rectified_map_picture
 
         write_bytes(png, rectified_map_picture(grid, result.grid), no_clobber=no_clobber)
     degrees = math.degrees(result.direction)

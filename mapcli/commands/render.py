@@ -53,7 +53,7 @@ def command(
       mapcli render map.yaml --png map.png --trace trace.json
       mapcli render fig9_4.txt --png fig9_4.png --labels --frontier --robot 5,9
     """
-    from mapcli.formats.maps import load_map
+    from mapcli.formats.maps.load import load_map
 
     if source == trace == "-":
         raise click.UsageError("MAP and --trace cannot both be standard input.")
@@ -95,7 +95,7 @@ def _check(
 
 
 def _frontier(grid: GridMap) -> Any:
-    from mapcli.algorithms.frontier_cells import frontier_cells
+    from mapcli.algorithms.exploration.frontier_cells import frontier_cells
 
     return frontier_cells(grid)
 
@@ -103,8 +103,8 @@ def _frontier(grid: GridMap) -> Any:
 def _book(
     grid: GridMap, trace: str | None, robots: tuple[tuple[int, int], ...], **options: Any
 ) -> bytes:
-    from mapcli.formats.picture import book_picture, cells_passed
-    from mapcli.formats.trace import load_trace_poses
+    from mapcli.formats.documents.trace import load_trace_poses
+    from mapcli.pictures.map_picture import book_picture, cells_passed
 
     path = cells_passed(grid, load_trace_poses(trace).poses[:, :2]) if trace else ()
     return book_picture(grid, robots=robots, path=path, **options)
@@ -113,8 +113,8 @@ def _book(
 def _plan(
     grid: GridMap, trace: str | None, robots: tuple[tuple[int, int], ...], **options: Any
 ) -> bytes:
-    from mapcli.formats.picture import floor_plan
-    from mapcli.formats.trace import load_trace_poses
+    from mapcli.formats.documents.trace import load_trace_poses
+    from mapcli.pictures.map_picture import floor_plan
 
     if trace:
         poses = load_trace_poses(trace)

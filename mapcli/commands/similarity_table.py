@@ -9,9 +9,9 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.candidates import Window
-from mapcli.algorithms.similarity import SIMILARITIES
-from mapcli.algorithms.similarity_table import LOW
+from mapcli.algorithms.similarity.candidate_poses import Window
+from mapcli.algorithms.similarity.grid_table import LOW
+from mapcli.algorithms.similarity.measures import SIMILARITIES
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import (
     FILE,
@@ -34,7 +34,7 @@ from mapcli.commands._similarity_inputs import (
 from mapcli.commands._similarity_outputs import Answer, window_answer, write_png, write_update
 from mapcli.commands._similarity_report import notes, report_lines
 from mapcli.errors import DataError
-from mapcli.formats.map_output import SUFFIXES
+from mapcli.formats.maps.dump import SUFFIXES
 from mapcli.model.similarity import SimilarityTable
 
 FORMATS = ("table", "json", "csv", "markdown")

@@ -9,9 +9,9 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.drive import MotionLimits, plan_drive
-from mapcli.algorithms.sensors import FAULT_KINDS, Fault, LaserModel, OdometryModel
-from mapcli.algorithms.simulate import ROBOT_RADIUS, Simulation, check_clearance
+from mapcli.algorithms.simulation.drive import MotionLimits, plan_drive
+from mapcli.algorithms.simulation.sensors import FAULT_KINDS, Fault, LaserModel, OdometryModel
+from mapcli.algorithms.simulation.simulate import ROBOT_RADIUS, Simulation, check_clearance
 from mapcli.commands._mowing import mow_lawn, mow_options
 from mapcli.commands._options import (
     FILE,
@@ -120,8 +120,8 @@ def command(
           --seed 7 --odom-fault reverse-sign@12-17 --range-max 8 apartment.mcap
       mapcli simulate fixtures/lawn.yaml --mow --landmarks 16 --png mowers.png
     """
-    from mapcli.formats.waypoints import load_waypoints
-    from mapcli.formats.world import load_world
+    from mapcli.formats.documents.waypoints import load_waypoints
+    from mapcli.formats.documents.world import load_world
 
     _check_usage(world, out, path, mow, given)
     try:
@@ -199,7 +199,7 @@ def _names(file: str) -> Iterator[None]:
 
 
 def _write(simulation: Simulation, out: str, no_clobber: bool, quiet: bool) -> None:
-    from mapcli.formats.mcap_log import McapLogWriter
+    from mapcli.formats.logs.mcap.writer import McapLogWriter
 
     records = progress(simulation.records(), "Driving", simulation.record_count, quiet=quiet)
     with output_file(out, no_clobber=no_clobber) as file, McapLogWriter(file) as log:

@@ -8,14 +8,14 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.current_map import CurrentMapParameters
-from mapcli.algorithms.log_odds import units_of
-from mapcli.algorithms.loops import LoopParameters
-from mapcli.algorithms.match import MatchParameters
-from mapcli.algorithms.occupancy import MapParameters, OccupancyGrid
-from mapcli.algorithms.perception import PerceptionParameters
-from mapcli.algorithms.similarity import SIMILARITIES
-from mapcli.algorithms.slam import Slam, SlamParameters
+from mapcli.algorithms.scans.perception import PerceptionParameters
+from mapcli.algorithms.similarity.measures import SIMILARITIES
+from mapcli.algorithms.slam.local_map import CurrentMapParameters
+from mapcli.algorithms.slam.log_odds import units_of
+from mapcli.algorithms.slam.loop_closure import LoopParameters
+from mapcli.algorithms.slam.match import MatchParameters
+from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
+from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.commands._limit_option import LimitType
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._options import (
@@ -38,7 +38,7 @@ from mapcli.commands._replay_outputs import (
 )
 from mapcli.commands._replay_perceptions import perception_files, write_perceptions
 from mapcli.errors import DataError
-from mapcli.formats.maps import LoadedMap, load_map
+from mapcli.formats.maps.load import LoadedMap, load_map
 from mapcli.model.pose import Pose2D
 from mapcli.model.summary import Limit
 

@@ -18,9 +18,9 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import check_output, write_bytes
-from mapcli.formats.dialects import DIALECTS
-from mapcli.formats.grey import MODES
-from mapcli.formats.map_output import FORMATS
+from mapcli.formats.maps.dialects import DIALECTS
+from mapcli.formats.maps.dump import FORMATS
+from mapcli.formats.maps.grey import MODES
 
 
 class InOrder(click.Command):
@@ -117,8 +117,8 @@ def command(
       mapcli transform floor1.yaml all.yaml --merge floor2.yaml@search --merge floor3.yaml@search
       mapcli transform map.yaml - --bake-yaw | mapcli info -
     """
-    from mapcli.formats.maps import load_map
-    from mapcli.formats.trace import move_trace
+    from mapcli.formats.documents.trace import move_trace
+    from mapcli.formats.maps.load import load_map
 
     operations = click.get_current_context().obj
     if not operations:
@@ -135,7 +135,7 @@ def command(
         write_bytes(trace[1], moved, no_clobber=no_clobber)
         names.append(trace[1])
     if json_file:
-        from mapcli.formats.document import document, json_bytes
+        from mapcli.formats.documents.document import document, json_bytes
 
         content = document(
             "mapcli.map-transform",

@@ -47,9 +47,9 @@ def command(
       mapcli vectorize map.yaml walls.yaml --tolerance 0.05
       mapcli vectorize fig9_1.txt - --y-down
     """
-    from mapcli.algorithms.vectorize import CELLS_OFF, vectorize
-    from mapcli.formats.maps import load_map
-    from mapcli.formats.world import write_world
+    from mapcli.algorithms.maps.vectorize import CELLS_OFF, vectorize
+    from mapcli.formats.documents.world import write_world
+    from mapcli.formats.maps.load import load_map
     from mapcli.model.memory import Memory
 
     check_outputs([target], [source], "maps", no_clobber=no_clobber)

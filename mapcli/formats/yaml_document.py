@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import yaml
 
 from mapcli.errors import FormatError
-from mapcli.formats.text import NUMBER
+from mapcli.formats.number_form import NUMBER
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _MAX_DEPTH = 50

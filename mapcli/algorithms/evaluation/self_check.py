@@ -1,0 +1,230 @@
+"""Relations out of a log's own closed loops: how consistent a trace is where no truth is known.
+
+Where the robot came back to a place, two scans see the same walls. Aligned one against the other,
+with nothing of the map between, they measure the motion from one visit to the other; the trace
+only tells which scans to compare and around where to look. What cannot be told for certain (too
+little in common, a corridor to slide along, another answer when the two change roles) is left
+out. A trace that is torn by more than the window has no such pairs, which shows in their number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.algorithms.evaluation.relations import compare_relations
+from mapcli.algorithms.evaluation.trajectory_error import nearest
+from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
+from mapcli.algorithms.slam._kernels.branch_and_bound import overlap
+from mapcli.algorithms.slam.match import MatchParameters
+from mapcli.algorithms.slam.motion_model import Spread
+from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
+from mapcli.algorithms.slam.scan_matcher import best_pose
+from mapcli.algorithms.slam.scan_points import thinned
+from mapcli.errors import DataError
+from mapcli.model.evaluation import Evaluation
+from mapcli.model.pose import Pose2D, interpolate
+from mapcli.model.scan import RangeScan, Record
+from mapcli.model.trajectory import Relations, Stamps, Trajectory, wrap_angles
+
+Pair = tuple[int, int]
+"""Indices of two poses of a trace, the earlier first."""
+
+SAME_STAMP_S = 0.001
+"""Trajectories of other tools may have rounded the stamps of the scans."""
+
+
+@dataclass(frozen=True)
+class SelfCheckParameters:
+    """Which pairs of scans are compared, and when their alignment is believed.
+
+    Attributes:
+        near_m: positions of a pair are at most so far from each other in the trace, metres.
+        apart_m: between them the robot drove at least so far.
+        most: pairs, spread over the log.
+        window_m, window_deg: half-widths of the search around the trace's relative pose.
+        agreement: of the one scan with the other where both look, 0 to 1, at least.
+        shared: of the points of each scan, the share that falls where the other looked, at least.
+        reverse_m, reverse_deg: how far the two ways to align a pair may differ.
+        slide_m: the agreement must fall by `slide_loss` when a scan is shifted so far, whichever
+            way; in a corridor it does not.
+    """
+
+    near_m: float = 2.0
+    apart_m: float = 10.0
+    most: int = 200
+    window_m: float = 2.0
+    window_deg: float = 30.0
+    agreement: float = 0.75
+    shared: float = 0.5
+    reverse_m: float = 0.03
+    reverse_deg: float = 0.5
+    slide_m: float = 0.25
+    slide_loss: float = 0.15
+
+
+MAP = MapParameters(blur=0.1)
+"""A scan alone is a thin map; a wider slope around its walls lets the refinement find them."""
+
+
+def self_check(
+    trace: Trajectory,
+    records: Iterable[Record],
+    parameters: SelfCheckParameters | None = None,
+) -> Evaluation:
+    """How well the relative poses of a trace agree with those that pairs of its scans measure.
+
+    Raises:
+        DataError: a trace without times or without a place visited twice, scans of another log,
+            or not one pair that can be aligned.
+    """
+    p = parameters or SelfCheckParameters()
+    pairs = revisits(trace, p)
+    if not pairs:
+        raise DataError(
+            f"no place is visited twice: no two poses are within {p.near_m:g} m of each other "
+            f"and {p.apart_m:g} m of driving apart",
+            expected="a trace with closed loops",
+        )
+    scans = _scans_of(trace, records, sorted({k for pair in pairs for k in pair}))
+    measured = {pair: found for pair in pairs if (found := _aligned(trace, scans, pair, p))}
+    if not measured:
+        raise DataError(
+            f"none of the {len(pairs)} pairs of scans at places visited twice can be aligned",
+            expected="scans that see the same walls, and a trace that is right by 2 m there",
+        )
+    evaluation = compare_relations(trace, _relations(trace, measured), kind="self-check")
+    return replace(evaluation, total=len(pairs), how="those that can be aligned for certain")
+
+
+def revisits(trace: Trajectory, parameters: SelfCheckParameters) -> list[Pair]:
+    """Pairs of poses near each other in space but far apart along the path, spread over the log.
+
+    Raises:
+        DataError: a trace without times.
+    """
+    if trace.stamps_ns is None:
+        raise DataError("the trace has no times", expected="times, to find its scans by")
+    p, poses, driven = parameters, trace.poses, trace.driven()
+    alone, pairs = _alone(trace.stamps_ns), []
+    for later in np.flatnonzero(alone)[:: max(len(trace) // 2000, 1)].tolist():
+        earlier = int(np.searchsorted(driven, driven[later] - p.apart_m, side="right"))
+        distance = np.hypot(*(poses[:earlier, :2] - poses[later, :2]).T)
+        # A scanner that looks ahead sees the same walls only when it faces the same way.
+        turn = np.abs(wrap_angles(poses[:earlier, 2] - poses[later, 2]))
+        cost = np.where(alone[:earlier] & (distance <= p.near_m), distance + turn, np.inf)
+        if earlier and np.isfinite(cost).any():
+            pairs.append((int(np.argmin(cost)), later))
+    chosen = np.linspace(0, len(pairs) - 1, min(p.most, len(pairs))).round().astype(int)
+    return [pairs[k] for k in dict.fromkeys(chosen.tolist())]
+
+
+def _alone(stamps: Stamps) -> NDArray[np.bool_]:
+    """Which poses no other has nearly the stamp of: only of these the scan is known."""
+    alone = np.ones(len(stamps), dtype=np.bool_)
+    near = np.diff(stamps) <= 2e9 * SAME_STAMP_S
+    alone[1:] &= ~near
+    alone[:-1] &= ~near
+    return alone
+
+
+def _scans_of(
+    trace: Trajectory, records: Iterable[Record], wanted: list[int]
+) -> dict[int, Perception]:
+    """Index of a pose -> its scan, of those wanted.
+
+    Raises:
+        DataError: the log has none of them.
+    """
+    assert trace.stamps_ns is not None
+    stamps, scans = trace.stamps_ns[wanted], dict[int, Perception]()
+    for record in records:
+        if isinstance(record, RangeScan):
+            at, _ = nearest(stamps, np.array([record.stamp_ns]), SAME_STAMP_S)
+            if len(at):
+                scans[wanted[int(at[0])]] = perceive(record, PerceptionParameters())
+    if not scans:
+        raise DataError(
+            "no scan of the log has the stamp of a pose",
+            expected="the log that the trace was made from",
+        )
+    return scans
+
+
+def _relations(trace: Trajectory, measured: Mapping[Pair, Pose2D]) -> Relations:
+    assert trace.stamps_ns is not None
+    pairs = np.array(list(measured))
+    poses = np.array([(pose.x, pose.y, pose.theta) for pose in measured.values()])
+    return Relations(trace.stamps_ns[pairs[:, 0]], trace.stamps_ns[pairs[:, 1]], poses)
+
+
+def _aligned(
+    trace: Trajectory, scans: Mapping[int, Perception], pair: Pair, p: SelfCheckParameters
+) -> Pose2D | None:
+    """The later scan's pose as seen from the earlier's; None if it cannot be told for certain."""
+    earlier, later = pair
+    if earlier not in scans or later not in scans:
+        return None
+    a, b = (Pose2D(*map(float, trace.poses[k])) for k in pair)
+    forth = align(scans[earlier], scans[later], a.between(b), p)
+    back = align(scans[later], scans[earlier], b.between(a), p)
+    if forth is None or back is None:
+        return None
+    back = back.inverse()
+    left = forth.between(back)
+    if math.hypot(left.x, left.y) > p.reverse_m or abs(left.theta) > math.radians(p.reverse_deg):
+        return None
+    return interpolate(forth, back, 0.5)
+
+
+def align(
+    base: Perception, scan: Perception, guess: Pose2D, p: SelfCheckParameters
+) -> Pose2D | None:
+    """The pose of `scan` in the frame of `base` by their beams alone; None if it is in doubt."""
+    points = thinned(scan.hits, MAP.resolution)
+    if len(points) < MatchParameters.fewest or len(base.hits) < MatchParameters.fewest:
+        return None
+    grid = OccupancyGrid(MAP)
+    grid.integrate(Pose2D(), replace(base, hits=dense(base.hits, MAP.resolution)))
+    # No prior: the guess is where to look, not what to believe.
+    search = MatchParameters(
+        window_xy=p.window_m, window_theta_deg=p.window_deg, prior=0.0, lost_below=0.0
+    )
+    match = best_pose(grid, scan, guess, Spread(1.0, 1.0, 0.0, reach=0.0), search)
+    enough = match.overlap >= p.shared * len(points) and match.score >= p.agreement
+    inside = guess.distance(match.pose) < p.window_m
+    if not (match.found and enough and inside and _is_sharp(grid, points, match.pose, p)):
+        return None
+    return match.pose
+
+
+def _is_sharp(
+    grid: OccupancyGrid, points: NDArray[np.float64], pose: Pose2D, p: SelfCheckParameters
+) -> bool:
+    """Whether the scan fits worse wherever it is shifted."""
+    cell, field = grid.parameters.resolution, grid.fields[0]
+    start = grid.pose_to_cells(pose)
+    best = overlap(grid.log_odds, field, points / cell, start)[1]
+    for direction in np.arange(8) * (math.tau / 8):
+        shift = np.array([math.cos(direction), math.sin(direction), 0.0]) * (p.slide_m / cell)
+        if overlap(grid.log_odds, field, points / cell, start + shift)[1] > best - p.slide_loss:
+            return False
+    return True
+
+
+def dense(points: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    """Points with others put between neighbours that are on the same wall, `step` apart.
+
+    Far walls are hit at intervals larger than a cell; the other scan hits them in between.
+    """
+    gaps = np.hypot(*np.diff(points, axis=0).T)
+    filled = [points]
+    for share in np.arange(1, 8) / 8:
+        # Beyond eight steps it may be another wall.
+        between = (gaps > step) & (gaps <= 8 * step)
+        filled.append(points[:-1][between] * (1 - share) + points[1:][between] * share)
+    return np.concatenate(filled)

@@ -1,0 +1,95 @@
+"""The loops of Algorithm 9.1, compiled.
+
+Their text is that of `algorithms/` itself: plain functions on flat arrays, which small maps run
+as they are, so that no numba needs to be imported for them. Here the same functions are compiled
+for large maps. Nothing is written twice, and a test compares the two.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any, TypeVar, cast
+
+from mapcli.algorithms.exploration import exploration_state as field
+from mapcli.algorithms.exploration import field_of_view as sensing
+from mapcli.algorithms.exploration import frontier
+from mapcli.algorithms.exploration import goal_selection as goals
+from mapcli.algorithms.exploration import initialisation as outset
+from mapcli.algorithms.exploration import path_search as motion
+from mapcli.algorithms.exploration import return_home as homecoming
+from mapcli.algorithms.exploration import robots as fleet
+from mapcli.algorithms.exploration import viewpoints as lookouts
+from mapcli.algorithms.exploration import visibility as glimpse
+from mapcli.algorithms.exploration import voronoi_partition as parts
+
+MODULES = (
+    field, sensing, motion, parts, goals, glimpse, lookouts, fleet, frontier, homecoming, outset,
+)  # fmt: skip
+"""Whose functions are compiled, callees first."""
+
+
+CALLED_FROM_PYTHON = (
+    field.unknown_neighbours,
+    frontier.explore,
+    frontier.choose_goal,
+    goals.shown_worth,
+    homecoming.go_home,
+    homecoming.stay,
+    motion.spread_all,
+    motion.write_path,
+    outset.finds_room,
+    outset.mark_explorable,
+    outset.take_stock,
+)
+"""The others need no way in from Python, which would take as long to compile as they do."""
+
+OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+"""Nothing here allocates. Without `_nrt=False` numba counts the references to every array of every
+tuple at every call, which takes ten times as long as the work itself."""
+
+INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def compiled(function: Function) -> Function:
+    """The compiled twin of a function of one of the modules above."""
+    return cast(Function, _twins()[function])
+
+
+@cache
+def _twins() -> dict[Callable[..., Any], Callable[..., Any]]:
+    from mapcli.algorithms.compiling import njit
+
+    version = _version()
+    twins: dict[Callable[..., Any], Callable[..., Any]] = {}
+    for module in MODULES:
+        # The twins call each other: they live in a copy of their module's names in which
+        # functions are replaced by their twins.
+        names = dict(vars(module))
+        for name, value in names.items():
+            if isinstance(value, FunctionType) and value in twins:
+                names[name] = twins[value]
+        for function in _functions(module):
+            twin = FunctionType(function.__code__, names, function.__name__)
+            # numba names its cache after the function and does not see that a callee in another
+            # file has changed; the version in the name makes it look afresh.
+            twin.__qualname__ = f"{function.__name__}_{version}"
+            inner = {} if function in CALLED_FROM_PYTHON else INNER
+            names[function.__name__] = twins[function] = njit(**OPTIONS, **inner)(twin)
+    return twins
+
+
+def _functions(module: ModuleType) -> list[FunctionType]:
+    own = [value for value in vars(module).values() if isinstance(value, FunctionType)]
+    return [function for function in own if function.__module__ == module.__name__]
+
+
+def _version() -> str:
+    files = [__file__, *(str(module.__file__) for module in MODULES)]
+    texts = b"".join(Path(file).read_bytes() for file in files)
+    return hashlib.sha256(texts).hexdigest()[:8]

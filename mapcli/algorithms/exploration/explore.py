@@ -1,0 +1,127 @@
+"""Exploring a map that stands in for the environment: parameters in, a trace out.
+
+Algorithm 9.1 itself is `frontier.py`; around it `sensing.py`, `motion.py`, `goals.py` and
+`fleet.py`. Here the arrays they work on are made, and turned into a trace at the end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+from mapcli.algorithms.exploration.exploration_parameters import ExploreParameters
+from mapcli.algorithms.exploration.exploration_state import OPEN, kinds
+from mapcli.algorithms.exploration.runner import Expedition
+from mapcli.errors import DataError
+from mapcli.model.exploration import Cell, Exploration
+from mapcli.model.grid import GridMap
+
+
+class KnownMapError(DataError):
+    """The known map is at fault, not the world."""
+
+
+def explore(
+    world: GridMap,
+    robots: Sequence[Cell],
+    parameters: ExploreParameters | None = None,
+    known: GridMap | None = None,
+    *,
+    compiled: bool | None = None,
+    progress: Callable[[float], None] = lambda coverage: None,
+) -> Exploration:
+    """Explore a world with Algorithm 9.1.
+
+    Args:
+        world: what the robots sense.
+        robots: (row, column) where each starts.
+        parameters: see there.
+        known: what is known at the start, of the world's size; without it the robots first sense
+            where they stand.
+        compiled: run the loops compiled by numba, or as plain Python; both take the same steps.
+            By default only large maps are worth the compiler's start-up.
+        progress: called now and then with the coverage reached.
+
+    Raises:
+        DataError: no robot, a robot outside the map, on an obstacle, on an unknown cell, on
+            another robot, or too large to stand anywhere.
+        KnownMapError: `known` of another size, or a robot on no open cell of it.
+    """
+    parameters = parameters or ExploreParameters()
+    check(world, robots, parameters, known)
+    expedition = Expedition(world, robots, parameters, known, compiled)
+    expedition.run(progress)
+    return expedition.result(expedition.reason)
+
+
+def plan(
+    world: GridMap,
+    robots: Sequence[Cell],
+    parameters: ExploreParameters | None = None,
+    known: GridMap | None = None,
+    *,
+    compiled: bool | None = None,
+) -> Exploration:
+    """The frontier and the robots' next goals; nobody moves. Arguments as of `explore`."""
+    parameters = parameters or ExploreParameters()
+    check(world, robots, parameters, known)
+    expedition = Expedition(world, robots, parameters, known, compiled)
+    expedition.sense_at_start()
+    return expedition.result("plan", expedition.next_goals())
+
+
+def contradictions(world: GridMap, known: GridMap, low: float) -> int:
+    """Cells that `known` holds to be open and the world to be an obstacle, or the reverse."""
+    both = world.known & known.known
+    return int(((world.cells < low) != (known.cells < low))[both].sum())
+
+
+def check(
+    world: GridMap,
+    robots: Sequence[Cell],
+    parameters: ExploreParameters,
+    known: GridMap | None,
+) -> None:
+    """Whether the robots can start.
+
+    Raises:
+        DataError: they cannot, see `explore`.
+    """
+    if not world.known.any():
+        raise DataError("the world is all unknown", expected="a map with known cells")
+    if known is not None and known.cells.shape != world.cells.shape:
+        raise KnownMapError(
+            f"the known map has {known.rows} rows and {known.columns} columns",
+            expected=f"{world.rows} and {world.columns} as in the world",
+        )
+    if not robots:
+        raise DataError("no robot", expected="a cell for each robot")
+    for number, cell in enumerate(robots, start=1):
+        check_robot(world, cell, number, parameters.low, "world", DataError)
+        if known is not None:
+            check_robot(known, cell, number, parameters.low, "known map", KnownMapError)
+        if cell in robots[: number - 1]:
+            first = robots.index(cell) + 1
+            raise DataError(
+                f"robots {first} and {number} both stand on {cell[0]},{cell[1]}",
+                expected="a cell for each robot",
+            )
+
+
+def check_robot(
+    grid: GridMap, cell: Cell, number: int, low: float, which: str, error: type[DataError]
+) -> None:
+    """Raise an error of this type unless a robot stands on an open cell of a map."""
+    row, column = cell
+    where = f"robot {number} at {row},{column}"
+    if not grid.contains(row, column):
+        raise error(
+            f"{where} is outside the {which}",
+            expected=f"a row from 0 to {grid.rows - 1}, a column from 0 to {grid.columns - 1}",
+        )
+    content = grid.cells[row, column]
+    if kinds(grid.cells[row : row + 1, column], low, 0)[0] != OPEN:
+        kind = "an unknown cell" if math.isnan(content) else f"an obstacle ({content:g})"
+        raise error(
+            f"{where} stands on {kind} of the {which}", expected=f"an open cell, below {low:g}"
+        )

@@ -1,0 +1,231 @@
+"""What a robot senses from where it stands.
+
+A range of one cell is the book's robot: its own cell and the eight around it, whatever is in
+between. Beyond that it sees as a range finder with rays in every direction: a ray leaves the
+centre of the robot's cell, shows each cell that it enters, and ends in the first that it cannot
+pass, which it still shows, or where the range ends (centre to centre, in cells). A single ray is
+too thin to count: a cell is seen when a bundle of rays gets there, so nothing is seen between two
+obstacles that touch at a corner.
+
+All rays are followed at once, octant by octant and row by row: a sector of slopes is narrowed and
+split by what stands in it (recursive shadow casting, here with whole squares and exact fractions).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mapcli.algorithms.exploration.exploration_state import OPEN, UNKNOWN, Cells, Field
+
+THROUGH_OPEN = 1 << OPEN
+THROUGH_UNKNOWN = 1 << OPEN | 1 << UNKNOWN
+"""Which kinds of cells a ray passes, as bits."""
+
+
+MOST_LOOKS = 2**31 - 2
+"""Then the window is cleared, as its numbers would be too large for it."""
+
+
+class Sight(NamedTuple):
+    """A sensor and its scratch memory (mutable).
+
+    Attributes:
+        range: in cells; 1 means the eight neighbours.
+        reach: of the window, in rows and columns: the range or the map's size.
+        seen: the cells of the last look (int64).
+        window: when each cell around the robot was last seen, shape ((2 reach + 1) ** 2,) (int32).
+        looks: how many looks there were, shape (1,) (int64).
+        sectors: stack of sectors that wait, five numbers each (int64).
+    """
+
+    range: int
+    reach: int
+    seen: Cells
+    window: Cells
+    looks: Cells
+    sectors: Cells
+
+
+def make_sight(field: Field, sensor_range: int) -> Sight:
+    """A sensor that reaches `sensor_range` cells, for this field."""
+    reach = min(sensor_range, max(field.rows, field.columns))
+    side = 2 * reach + 1
+    waiting = 5 * (reach + 2) * (reach + 3) if sensor_range > 1 else 0
+    return Sight(
+        min(sensor_range, field.rows + field.columns),
+        reach,
+        np.zeros(min(side * side, len(field.known)), np.int64),
+        np.zeros(side * side if sensor_range > 1 else 0, np.int32),
+        np.zeros(1, np.int64),
+        np.zeros(waiting, np.int64),
+    )
+
+
+def cells_in_range(sight: Sight) -> int:
+    """How many cells besides its own a robot could see at most."""
+    if sight.range == 1:
+        return 8
+    rows = np.arange(-sight.range, sight.range + 1)
+    return int((2 * np.floor(np.sqrt(sight.range**2 - rows**2)) + 1).sum()) - 1
+
+
+def look(field: Field, sight: Sight, kinds: Cells, passed: int, cell: int) -> int:
+    """See from a cell: how many cells of `sight.seen` hold the answer.
+
+    Args:
+        kinds: what each cell is, `field.world` or `field.known`.
+        passed: the kinds that rays pass, THROUGH_OPEN or THROUGH_UNKNOWN.
+    """
+    if sight.range == 1:
+        return look_around(field, sight, cell)
+    start_look(sight)
+    sight.seen[0] = cell
+    sight.window[sight.reach * (2 * sight.reach + 2)] = sight.looks[0]
+    seen, whole = 1, Sector(sight.reach, 0, SLOPES)
+    for vertical in (-1, 1):
+        for horizontal in (-1, 1):
+            for steep in (True, False):
+                octant = octant_of(field, sight, cell, vertical, horizontal, steep)
+                seen = look_in_octant(sight, kinds, passed, cell, octant, whole, seen)
+    return seen
+
+
+def start_look(sight: Sight) -> None:
+    """What was seen before counts no longer."""
+    sight.looks[0] += 1
+    if sight.looks[0] > MOST_LOOKS:
+        for here in range(len(sight.window)):
+            sight.window[here] = 0
+        sight.looks[0] = 1
+
+
+SLOPES = 256
+"""Parts of an octant that a `Sector` can tell apart."""
+
+
+class Sector(NamedTuple):
+    """A part of an octant: rays of slopes from low / SLOPES to high / SLOPES, over so many rows."""
+
+    depth: int
+    low: int
+    high: int
+
+
+class Octant(NamedTuple):
+    """An eighth of what there is to see from a cell.
+
+    It has rows in its own sense, at depth 1, 2, ... away from the cell, and in them cells 0, 1,
+    ... aside of its axis; rays have slopes (cells aside per row) from 0 to 1. The cell at
+    (depth, aside) is entered by rays of slopes (2 aside - 1) / (2 depth + 1) to
+    (2 aside + 1) / (2 depth - 1).
+
+    Attributes:
+        down, right: index offsets from row to row, and from cell to cell.
+        down_here, right_here: the same in the sensor's window.
+        far, wide: how many rows and cells there are up to the edge of the map.
+    """
+
+    down: int
+    right: int
+    down_here: int
+    right_here: int
+    far: int
+    wide: int
+
+
+def octant_of(
+    field: Field, sight: Sight, cell: int, vertical: int, horizontal: int, steep: bool
+) -> Octant:
+    """The octant down or up (vertical 1, -1), right or left, more the former when steep."""
+    row, column = cell // field.stride, cell % field.stride
+    height = row - 1 if vertical < 0 else field.rows - row
+    width = column - 1 if horizontal < 0 else field.columns - column
+    down, right = vertical * field.stride, horizontal
+    down_here, right_here = vertical * (2 * sight.reach + 1), horizontal
+    if steep:
+        far, wide = min(height, sight.reach), width
+        return Octant(down, right, down_here, right_here, far, wide)
+    far, wide = min(width, sight.reach), height
+    return Octant(right, down, right_here, down_here, far, wide)
+
+
+def look_around(field: Field, sight: Sight, cell: int) -> int:
+    """The robot's cell and the eight around it, as far as the map goes."""
+    row, column = cell // field.stride, cell % field.stride
+    seen = 0
+    for r in range(max(row - 1, 1), min(row + 1, field.rows) + 1):
+        for c in range(max(column - 1, 1), min(column + 1, field.columns) + 1):
+            sight.seen[seen] = r * field.stride + c
+            seen += 1
+    return seen
+
+
+def look_in_octant(
+    sight: Sight, kinds: Cells, passed: int, origin: int, octant: Octant, sector: Sector, seen: int
+) -> int:
+    """Follow the rays of a sector of one octant; returns the new number of cells in `sight.seen`.
+
+    It splits into sectors of slopes between two fractions, low / low_by and high / high_by.
+    """
+    far = min(octant.far, sector.depth)
+    centre, limit = sight.reach * (2 * sight.reach + 2), sight.range * sight.range
+    sectors = sight.sectors
+    waiting = push(sectors, 0, 1, sector.low, SLOPES, sector.high, SLOPES)
+    while waiting:
+        waiting -= 5
+        depth = sectors[waiting]
+        low, low_by = sectors[waiting + 1], sectors[waiting + 2]
+        high, high_by = sectors[waiting + 3], sectors[waiting + 4]
+        while depth <= far and low * high_by < high * low_by:
+            near_edge, far_edge = 2 * depth - 1, 2 * depth + 1
+            # The first cell that the lowest ray has not yet passed at the row's near edge.
+            aside = (low * near_edge - low_by) // (2 * low_by) + 1
+            while low * high_by < high * low_by:
+                left, right = 2 * aside - 1, 2 * aside + 1
+                if left * high_by >= high * far_edge:
+                    break
+                if aside > octant.wide or depth * depth + aside * aside > limit:
+                    high, high_by = left, far_edge  # the rays from here on have ended
+                    break
+                cell = origin + depth * octant.down + aside * octant.right
+                here = centre + depth * octant.down_here + aside * octant.right_here
+                if sight.window[here] != sight.looks[0]:
+                    sight.window[here] = sight.looks[0]
+                    sight.seen[seen] = cell
+                    seen += 1
+                if not (passed >> kinds[cell]) & 1:
+                    if low * far_edge < left * low_by:
+                        waiting = push(sectors, waiting, depth + 1, low, low_by, left, far_edge)
+                    if low * near_edge < right * low_by:
+                        low, low_by = right, near_edge
+                aside += 1
+            depth += 1
+    return seen
+
+
+def push(
+    sectors: Cells, waiting: int, depth: int, low: int, low_by: int, high: int, high_by: int
+) -> int:
+    """Let the sector of slopes low / low_by to high / high_by wait for its turn at a row."""
+    sectors[waiting] = depth
+    sectors[waiting + 1] = low
+    sectors[waiting + 2] = low_by
+    sectors[waiting + 3] = high
+    sectors[waiting + 4] = high_by
+    return waiting + 5
+
+
+def expected(field: Field, sight: Sight, cell: int) -> int:
+    """Cells expected to be seen from a cell: those unknown ones that rays would show if nothing
+    but the known obstacles (and cells known to be unknowable) stood in their way."""
+    return count_unknown(field, sight, look(field, sight, field.known, THROUGH_UNKNOWN, cell))
+
+
+def count_unknown(field: Field, sight: Sight, seen: int) -> int:
+    """How many of the first cells of `sight.seen` are unknown."""
+    count = 0
+    for k in range(seen):
+        count += field.known[sight.seen[k]] == UNKNOWN
+    return count

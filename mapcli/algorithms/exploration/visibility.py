@@ -1,0 +1,79 @@
+"""Whether there is anything unknown to be seen from a cell.
+
+The answer is that of a look over known open cells (`sensing.look`), which takes long when the
+range is. But a ray that comes to an unknown cell comes from an open one beside it, and that is a
+frontier cell. So in each octant only the sector is looked at in which there are frontier cells.
+The field counts them in blocks.
+"""
+
+from __future__ import annotations
+
+from mapcli.algorithms.exploration.exploration_state import BLOCK, Field, blocks_in
+from mapcli.algorithms.exploration.field_of_view import (
+    SLOPES,
+    THROUGH_OPEN,
+    Sector,
+    Sight,
+    count_unknown,
+    look_around,
+    look_in_octant,
+    octant_of,
+    start_look,
+)
+
+
+def shows_unknown(field: Field, sight: Sight, cell: int) -> bool:
+    """Whether a look from a cell over known open cells would show an unknown one."""
+    if sight.range == 1:
+        return count_unknown(field, sight, look_around(field, sight, cell)) > 0
+    start_look(sight)
+    for vertical in (-1, 1):
+        for horizontal in (-1, 1):
+            for steep in (True, False):
+                sector = frontier_sector(field, sight, cell, vertical, horizontal, steep)
+                octant = octant_of(field, sight, cell, vertical, horizontal, steep)
+                seen = look_in_octant(sight, field.known, THROUGH_OPEN, cell, octant, sector, 0)
+                if count_unknown(field, sight, seen) > 0:
+                    return True
+    return False
+
+
+def frontier_sector(
+    field: Field, sight: Sight, cell: int, vertical: int, horizontal: int, steep: bool
+) -> Sector:
+    """A sector of an octant outside which there is nothing unknown beside a frontier cell. It may
+    be larger than need be, as it is that of whole blocks."""
+    row, column = cell // field.stride, cell % field.stride
+    across, depth, low, high = blocks_in(field.stride), 0, SLOPES, 0
+    for r in range(first_block(sight, row, vertical), end_block(sight, row, vertical, field.rows)):
+        for c in range(
+            first_block(sight, column, horizontal),
+            end_block(sight, column, horizontal, field.columns),
+        ):
+            if field.blocks[r * across + c]:
+                down, aside = nearest(r, row, vertical), nearest(c, column, horizontal)
+                if not steep:
+                    down, aside = aside, down
+                lowest = SLOPES * (2 * aside - 1) // (2 * (down + BLOCK) - 1)
+                if lowest < SLOPES:  # else it is beyond the octant's diagonal
+                    highest = -(-SLOPES * (2 * (aside + BLOCK) - 1) // max(2 * down - 1, 1))
+                    depth, low = max(depth, down + BLOCK), min(low, lowest)
+                    high = max(high, highest)
+    return Sector(depth, max(low, 0), min(high, SLOPES))
+
+
+def first_block(sight: Sight, place: int, sense: int) -> int:
+    """The first of the blocks that are within the range of a row (or column), in the sense of 1
+    or -1."""
+    return max(place - (sight.reach if sense < 0 else 0), 0) // BLOCK
+
+
+def end_block(sight: Sight, place: int, sense: int, last: int) -> int:
+    """The one after the last of them; the last row of the map is given."""
+    return min(place + (sight.reach if sense > 0 else 0), last) // BLOCK + 1
+
+
+def nearest(block: int, place: int, sense: int) -> int:
+    """How far away the nearest row of a block is, in that sense; less than 0 when it is beside
+    the place or on its other side."""
+    return block * BLOCK - place if sense > 0 else place - (block * BLOCK + BLOCK - 1)

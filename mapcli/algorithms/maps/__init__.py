@@ -1,0 +1,1 @@
+"""Grid maps compared, aligned, transformed, turned into polygons and back."""

@@ -1,0 +1,66 @@
+"""Compares two maps of the same place."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from mapcli.algorithms.maps.registration import register
+from mapcli.algorithms.maps.transform import joint_frame, move, sampled
+from mapcli.algorithms.maps.wall_direction import OCCUPIED_FROM, wall_points
+from mapcli.model.comparison import FREE, OCCUPIED, UNKNOWN, Comparison
+from mapcli.model.grid import GridMap, histogram
+
+
+def compare(
+    a: GridMap, b: GridMap, *, align: bool = False, low: float = OCCUPIED_FROM
+) -> tuple[Comparison, NDArray[np.uint8]]:
+    """Compare two maps on the cells of the first, which go on as far as the second reaches.
+
+    Gives the comparison, and for each of these cells `3 * state in a + state in b`, shape (rows,
+    columns), uint8.
+
+    Args:
+        align: find the motion that lays `b` onto `a` first.
+        low: known cells are occupied from this probability on.
+
+    Raises:
+        DataError: as of `register`.
+    """
+    found = register(a, b, low) if align else None
+    if found is not None:
+        b, _ = move(b, found.motion)
+    frame = joint_frame(a, b)
+    pairs = _states(sampled(a, *frame), low)
+    pairs *= np.uint8(3)
+    pairs += _states(sampled(b, *frame), low)
+    cells = histogram(pairs)[:9].reshape(3, 3)
+    cells[UNKNOWN, UNKNOWN] = 0
+    comparison = Comparison(
+        cells,
+        a.resolution**2,
+        *_wall_distances(wall_points(a, low), wall_points(b, low)),
+        alignment=None if found is None else found.motion,
+        score=None if found is None else found.score,
+    )
+    return comparison, pairs
+
+
+def _states(grid: GridMap, low: float) -> NDArray[np.uint8]:
+    def state(cells: NDArray[np.float32]) -> NDArray[np.uint8]:
+        states = np.where(cells >= np.float32(low), np.uint8(OCCUPIED), np.uint8(FREE))
+        return np.where(np.isnan(cells), np.uint8(UNKNOWN), states)
+
+    return grid.each(state)
+
+
+def _wall_distances(
+    a: NDArray[np.float64], b: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Metres from each point of the one to the nearest of the other, and back."""
+    if not (len(a) and len(b)):
+        return np.empty(0), np.empty(0)
+    there, _ = cKDTree(b).query(a)
+    back, _ = cKDTree(a).query(b)
+    return there, back

@@ -1,0 +1,110 @@
+"""From a continuous map to a grid map (Sect. 9.1): which cells do the objects cover?"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from mapcli.algorithms.maps.polygons import Area, solid_area
+from mapcli.errors import DataError
+from mapcli.model.grid import GridMap
+from mapcli.model.pose import Pose2D
+from mapcli.model.world import World
+
+Box = tuple[float, float, float, float]
+"""x and y of the lower left, x and y of the upper right corner, metres."""
+
+MOST_CELLS = 100_000_000
+
+NOISE = 1e-9
+"""Cells, and shares of a cell: what rounding may add or take."""
+
+
+def frame_of(box: Box, resolution: float, *, from_top: bool = False) -> GridMap:
+    """An unknown map whose cells fill a box, beginning in its lower (or upper) left corner.
+
+    Raises:
+        DataError: a box without area, or more than a hundred million cells.
+    """
+    x0, y0, x1, y1 = box
+    width, height = (x1 - x0) / resolution, (y1 - y0) / resolution
+    if not (width > 0 and height > 0):
+        raise DataError(f"the box {x0:g},{y0:g} to {x1:g},{y1:g} is empty", expected="x0<x1, y0<y1")
+    if not width * height <= MOST_CELLS or not max(width, height) <= MOST_CELLS:
+        raise DataError(
+            f"the map would have {width:,.0f} x {height:,.0f} cells",
+            expected=f"at most {MOST_CELLS:,}; a coarser --resolution or a smaller --box",
+        )
+    columns, rows = (max(math.ceil(side - NOISE), 1) for side in (width, height))
+    bottom = y1 - rows * resolution if from_top else y0
+    cells = np.full((rows, columns), np.nan, dtype=np.float32)
+    return GridMap(cells, resolution, Pose2D(round(x0, 9), round(bottom, 9)))
+
+
+def box_around(world: World, resolution: float) -> Box:
+    """The box around everything, out to whole multiples of the resolution.
+
+    Raises:
+        DataError: the world is empty.
+    """
+    x0, y0, x1, y1 = (value / resolution for value in world.bounds())
+    low = (math.floor(value + NOISE) for value in (x0, y0))
+    high = (math.ceil(value - NOISE) for value in (x1, y1))
+    (u0, v0), (u1, v1) = low, high
+    # Points alone may have no extent.
+    u1, v1 = max(u1, u0 + 1), max(v1, v0 + 1)
+    return u0 * resolution, v0 * resolution, u1 * resolution, v1 * resolution
+
+
+def rasterize(world: World, frame: GridMap, min_cover: float = 0.5) -> GridMap:
+    """A map with 1 where the polygons cover at least `min_cover` of a cell's area, else 0.
+
+    Args:
+        frame: the map whose place is used; its cells are not looked at.
+        min_cover: share in (0, 1]; 0.5 is the majority rule of Sect. 9.5.
+
+    Raises:
+        DataError: a polygon that is no area.
+    """
+    shares = covered_shares(solid_area(world), frame)
+    return frame.replaced((shares >= min_cover - NOISE).astype(np.float32))
+
+
+def covered_shares(area: Area, frame: GridMap) -> NDArray[np.float64]:
+    """The share of each cell's area that is covered, exact but for rounding, (rows, columns)."""
+
+    def to_cells(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return frame.fractional_cells_of_world(points)[:, ::-1] + 0.5
+
+    return covered_cells(shapely.transform(area, to_cells), frame.rows, frame.columns)
+
+
+def covered_cells(area: Area, rows: int, columns: int) -> NDArray[np.float64]:
+    """The same of an area in cells: x is the column, y the row, a cell is 1 x 1."""
+    shares = np.zeros((rows, columns))
+    _fill(shares, area, 0, 0)
+    return shares
+
+
+def _fill(shares: NDArray[np.float64], area: Area, top: int, left: int) -> None:
+    """Halve a block of cells until it is covered wholly, not at all, or is one cell.
+
+    Each half sees only its own piece of the area, so that the cost grows with the cells along
+    the outlines, and not with the map.
+    """
+    rows, columns = shares.shape
+    piece = shapely.intersection(area, shapely.box(left, top, left + columns, top + rows))
+    covered = piece.area
+    if covered == 0:
+        return
+    if shares.size == 1 or covered >= shares.size - NOISE:
+        shares[:] = min(covered / shares.size, 1.0)
+    elif rows >= columns:
+        _fill(shares[: rows // 2], piece, top, left)
+        _fill(shares[rows // 2 :], piece, top + rows // 2, left)
+    else:
+        _fill(shares[:, : columns // 2], piece, top, left)
+        _fill(shares[:, columns // 2 :], piece, top, left + columns // 2)

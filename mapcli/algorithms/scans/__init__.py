@@ -1,0 +1,1 @@
+"""What a sensor saw: scans, odometry at their stamps, rays through a world."""

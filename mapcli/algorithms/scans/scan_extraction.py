@@ -1,0 +1,101 @@
+"""One scan out of a log, as a perception to be scored against a map."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
+from mapcli.algorithms.scans.perception import FARTHEST, PerceptionParameters
+from mapcli.errors import DataError
+from mapcli.model.perception import ScanPerception, Standpoint
+from mapcli.model.pose import Pose2D, wrap_angle
+from mapcli.model.scan import RangeScan, Record
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """A scan, and where odometry says it was taken.
+
+    Attributes:
+        scan: the scan; number: its place among the scans, counted from 0.
+        seconds: after the log's first record.
+        odom: the odometry's pose; first_odom: at the first scan, where maps start.
+    """
+
+    scan: RangeScan
+    number: int
+    seconds: float
+    odom: Pose2D | None
+    first_odom: Pose2D | None
+
+    def pose(self) -> Pose2D:
+        """The odometry's pose in the frame of the map, which starts at the first scan."""
+        if self.odom is None or self.first_odom is None:
+            return Pose2D()
+        return self.first_odom.between(self.odom)
+
+
+def scan_at(records: Iterable[Record], start_ns: list[int], seconds: float) -> Cut:
+    """The scan nearest to a time after the log's start; of two, the earlier one.
+
+    Args:
+        records: a part of the log; start_ns: the stamp of its first record, from `noting_start`.
+
+    Raises:
+        DataError: the time is outside the log.
+    """
+    best: Cut | None = None
+    first: Pose2D | None = None
+    last = 0.0
+    for number, (scan, odom) in enumerate(odometry_at_scans(records)):
+        first = odom if number == 0 else first
+        last = (scan.stamp_ns - start_ns[0]) * 1e-9
+        if best is None or abs(last - seconds) < abs(best.seconds - seconds):
+            best = Cut(scan, number, last, odom, first)
+        elif last > seconds:
+            return best
+    if best is None:
+        raise DataError("no scan in the part asked for")
+    if seconds > last + 1.0:
+        raise DataError(f"no scan at {seconds:g} s", expected=f"a time up to {last:.1f} s, where "
+                        "the last scan is")  # fmt: skip
+    return best
+
+
+def scan_perception(
+    scan: RangeScan, pose: Pose2D, parameters: PerceptionParameters | None = None
+) -> ScanPerception:
+    """A scan as a perception of kind `scan`; beams without a valid reading are left out.
+
+    Raises:
+        DataError: not one beam is left.
+    """
+    p = parameters or PerceptionParameters()
+    nearest = scan.range_min if p.range_min is None else p.range_min
+    farthest = min(scan.range_max if p.range_max is None else p.range_max, FARTHEST)
+    ranges = scan.ranges.astype(np.float64)
+    valid = ~np.isnan(ranges) & (ranges >= nearest)
+    ranges = np.where(ranges > farthest, np.inf, ranges)
+    if not valid.any():
+        raise DataError("the scan has no beam with a valid reading")
+    mount = scan.mount.pose
+    bearings = [wrap_angle(b + mount.theta) for b in scan.bearings()[valid].tolist()]
+    return ScanPerception(
+        Standpoint(pose.theta, (pose.x, pose.y)),
+        np.column_stack([bearings, ranges[valid]]),
+        farthest,
+        Pose2D(mount.x, mount.y),
+        p.no_return,
+        walls="ends",
+    )
+
+
+def noting_start(records: Iterable[Record], start_ns: list[int]) -> Iterator[Record]:
+    """The records; the first one's stamp is put into `start_ns`."""
+    for record in records:
+        if not start_ns:
+            start_ns.append(record.stamp_ns)
+        yield record

@@ -1,0 +1,1 @@
+"""Robots that do not exist, and the logs that they leave."""

@@ -1,0 +1,158 @@
+"""Mowers that know where they are by their wheels, and by tape marks on the lawn (Activity 9.3).
+
+A mower steers by where it believes to be. Its wheels count what it wants them to count; what it
+really does differs by the errors of the odometry. When its floor sensor comes upon a tape mark,
+it corrects what it believes (`_kernels.mowing`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+
+import numpy as np
+import shapely
+
+from mapcli.algorithms.simulation._kernels.mowing import mow_once
+from mapcli.algorithms.simulation.drive import arc
+from mapcli.algorithms.simulation.sensors import OdometryModel
+from mapcli.algorithms.simulation.simulate import START_NS
+from mapcli.errors import DataError
+from mapcli.model.mowing import Floats, Mowing, MowingPlan, MowingRun
+from mapcli.model.pose import Pose2D
+from mapcli.model.scan import Odometry, Record, TruePose
+
+PATIENCE = 3.0
+"""A run is given up after so many times the steps of the planned way: the mower is lost."""
+
+MOST_STEPS = 2_000_000
+
+AS_NOISE = 3.0
+"""How much noise an error is worth that is the same on every metre: after 10 m they are equal."""
+
+CELLS_A_WIDTH = 6
+"""Fineness of the raster on which the mown area is measured."""
+
+
+@dataclass(frozen=True)
+class MowerModel:
+    """What a mower can do.
+
+    Attributes:
+        wheels: its odometry; faults are not simulated.
+        speed: metres per second, more than 0.
+        turn_rate_deg: degrees per second, on the spot, more than 0. Speeding up takes no time.
+    """
+
+    wheels: OdometryModel
+    speed: float = 0.5
+    turn_rate_deg: float = 60.0
+
+    @property
+    def steps(self) -> tuple[float, float]:
+        """Metres and radians between two readings of wheels and floor sensor."""
+        rate = self.wheels.rate
+        return self.speed / rate, math.radians(self.turn_rate_deg) / rate
+
+
+def mow(
+    plan: MowingPlan, mower: MowerModel, size: float | None, runs: int, seed: int,
+    *, with_area: bool = True,
+) -> Mowing:  # fmt: skip
+    """Send mowers over the lawn.
+
+    Run k meets the same noise whatever the landmarks and the number of runs.
+
+    Args:
+        size: side of the tape marks, metres; None for odometry alone.
+        with_area: measure the share of the lawn that each run cut.
+
+    Raises:
+        DataError: a run that would take more than 2 million steps.
+    """
+    limit = _most_steps(plan, mower)
+    seeds = np.random.SeedSequence(seed).spawn(runs)
+    done = []
+    for each in seeds:
+        normals = np.random.Generator(np.random.PCG64(each)).standard_normal((limit, 2))
+        done.append(_run(plan, mower, size, normals))
+    return Mowing(
+        size,
+        np.array([run.path[-1] for run in done]) - plan.station,
+        None if size is None else float(np.mean([run.seen > 0 for run in done])),
+        np.array([_mown(plan, run.path) for run in done if with_area]),
+        tuple(done),
+    )
+
+
+def _most_steps(plan: MowingPlan, mower: MowerModel) -> int:
+    metres, radians = mower.steps
+    steps = PATIENCE * (plan.distance / metres + math.pi * len(plan.waypoints) / radians)
+    if not steps <= MOST_STEPS:
+        expected = f"at most {MOST_STEPS:,}; a wider lane, a higher speed or a lower rate"
+        raise DataError(f"a run could take {steps:,.0f} steps", expected=expected)
+    return math.ceil(steps)
+
+
+def _run(plan: MowingPlan, mower: MowerModel, size: float | None, normals: Floats) -> MowingRun:
+    w = mower.wheels
+    wheels = np.array([*w.noise, w.scale, w.turn_scale, math.radians(w.drift_deg)])
+    expected = np.hypot(w.noise, _systematic(w))
+    path, counted = np.empty_like(normals), np.empty_like(normals)
+    seen = np.zeros(len(plan.marks), dtype=np.int64)
+    side = -1.0 if size is None else float(size)
+    tape = plan.waypoints, plan.marks, side, mower.steps
+    count = mow_once(*tape, wheels, expected, normals, path, counted, seen)
+    return MowingRun(path[:count].copy(), counted[: count - 1].copy(), seen)
+
+
+def _mown(plan: MowingPlan, path: Floats) -> float:
+    """The share of the lawn that a blade of the plan's width cut along a path."""
+    cell = plan.width / CELLS_A_WIDTH
+    low, high = plan.outline.min(axis=0), plan.outline.max(axis=0)
+    columns, rows = np.ceil((high - low) / cell).astype(int) + 1
+    cut = np.zeros((rows, columns), dtype=bool)
+    visited = np.unique(np.floor((path - low) / cell).astype(int), axis=0)
+    reach = CELLS_A_WIDTH // 2
+    for du, dv in np.ndindex(2 * reach + 1, 2 * reach + 1):
+        if math.hypot(du - reach, dv - reach) <= reach:
+            u, v = np.add(visited, (du - reach, dv - reach)).T
+            inside = (u >= 0) & (v >= 0) & (u < columns) & (v < rows)
+            cut[v[inside], u[inside]] = True
+    y, x = np.mgrid[:rows, :columns] * cell + cell / 2
+    lawn = shapely.contains_xy(shapely.Polygon(plan.outline), x + low[0], y + low[1])
+    return float((cut & lawn).sum() / lawn.sum())
+
+
+def smallest_reliable(mowings: Sequence[Mowing], share: float) -> float | None:
+    """The smallest landmarks from which on at least such a share of them is noticed in a run."""
+    found = None
+    for mowing in sorted(mowings, key=lambda each: -(each.landmark_size or 0)):
+        if mowing.detected is None or mowing.detected < share:
+            break
+        found = mowing.landmark_size
+    return found
+
+
+def _systematic(wheels: OdometryModel) -> Floats:
+    """Noise that a mower reckons with for what is wrong with its wheels in every run, in the order
+    of `OdometryModel.noise`: such errors grow with the way, and noise with its root."""
+    turn, way = abs(wheels.turn_scale - 1), abs(wheels.scale - 1)
+    drift = abs(math.radians(wheels.drift_deg))
+    return AS_NOISE * np.array([turn, drift, way, 0.0])
+
+
+def mower_log(plan: MowingPlan, run: MowingRun, rate: float) -> Iterator[Record]:
+    """A run as a log: odometry from zero on, and true poses."""
+    heading = math.atan2(*(plan.waypoints[1] - plan.waypoints[0])[::-1])
+    steps = (arc(float(way), float(turn)) for way, turn in run.counted)
+    poses = accumulate(steps, Pose2D.compose, initial=Pose2D())
+    ahead = np.diff(run.path, axis=0, append=run.path[-1:])
+    for k, (odometry, (x, y), (dx, dy)) in enumerate(zip(poses, run.path, ahead, strict=True)):
+        # On the spot the path does not say where the robot looks; it then looks on as before.
+        heading = math.atan2(dy, dx) if math.hypot(dx, dy) > 1e-6 else heading
+        stamp = START_NS + round(k / rate * 1e9)
+        yield TruePose(stamp, Pose2D(float(x), float(y), heading))
+        yield Odometry(stamp, odometry)

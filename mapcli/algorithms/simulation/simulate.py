@@ -1,0 +1,189 @@
+"""A simulated robot: a drive through a world becomes the log that its sensors would write."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.algorithms.scans.ray_casting import clearance, edges_of, is_inside
+from mapcli.algorithms.simulation.drive import Drive
+from mapcli.algorithms.simulation.sensors import Fault, LaserModel, OdometryModel
+from mapcli.errors import DataError
+from mapcli.model.grid import GridMap
+from mapcli.model.pose import Pose2D, wrap_angle
+from mapcli.model.scan import Odometry, RangeScan, Record, TruePose
+from mapcli.model.world import World
+
+START_NS = 1_600_000_000 * 10**9
+"""Stamp of the first record, the same in every log: the clock is no input."""
+
+ROBOT_RADIUS = 0.15
+"""Metres: a robot as wide as a vacuum cleaner."""
+
+GRAIN = 2.0**-20
+"""Poses are recorded in steps of about a micrometre and a microradian, so that a log does not
+depend on the last bit of a machine's sine; a power of two, because that compresses."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A drive through a world, as the sensors of the robot record it.
+
+    Attributes:
+        world: polygons, or a grid map whose cells of at least 0.5 are solid.
+        drive: where the robot goes, from `plan_drive`.
+        odometry, laser: the sensors.
+        seed: of the noise; any whole number from 0 is a seed. Wheels and laser draw from
+            generators of their own, so that changing the one leaves the noise of the other.
+
+    Raises:
+        DataError: a fault of the odometry that begins after the end of the drive.
+    """
+
+    world: World | GridMap
+    drive: Drive
+    odometry: OdometryModel = field(default_factory=OdometryModel)
+    laser: LaserModel = field(default_factory=LaserModel)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for fault in self.odometry.faults:
+            if fault.begin >= self.duration:
+                raise DataError(
+                    f"the fault {fault.kind} begins at {fault.begin:g} s",
+                    expected=f"a time before the end of the drive at {self.duration:.1f} s",
+                )
+
+    @cached_property
+    def edges(self) -> NDArray[np.float64]:
+        return edges_of(self.world)
+
+    @property
+    def duration(self) -> float:
+        """Seconds of the log: the drive, and the time that the wheels slip."""
+        return self._log_time(self.drive.duration)
+
+    @property
+    def record_count(self) -> int:
+        """How many records there will be."""
+        return 2 * self.reading_count + self.scan_count
+
+    def arrivals(self) -> list[float]:
+        """Seconds since the start of the log at which the robot leaves each waypoint behind."""
+        return [self._log_time(time) for time in self.drive.arrivals()]
+
+    def records(self) -> Iterator[Record]:
+        """The log, lazily, in the order of the stamps: true pose, odometry, scan at each."""
+        seeds = np.random.SeedSequence(self.seed).spawn(2)
+        wheels, laser = (np.random.Generator(np.random.PCG64(seed)) for seed in seeds)
+        streams = self._true_poses(), self._odometry(wheels), self._scans(laser)
+        return heapq.merge(*streams, key=lambda record: record.stamp_ns)
+
+    def true_pose(self, time: float) -> Pose2D:
+        """Where the robot really is, `time` seconds after the start of the log."""
+        return self.drive.pose_at(self._driven(time))
+
+    def _true_poses(self) -> Iterator[TruePose]:
+        for time in self._odometry_times():
+            yield TruePose(_stamp(time), _rounded(self.true_pose(time)))
+
+    def _odometry(self, rng: np.random.Generator) -> Iterator[Odometry]:
+        """Odometry starts at zero wherever the robot stands, as it does on a real robot."""
+        pose = Pose2D()
+        for time in self._odometry_times():
+            if time > 0:
+                pose = pose.compose(self.odometry.measured(self._wheel_motion(time), rng))
+            yield Odometry(_stamp(time), _rounded(pose))
+
+    def _scans(self, rng: np.random.Generator) -> Iterator[RangeScan]:
+        for i in range(self.scan_count):
+            time = i / self.laser.rate
+            yield self.laser.scan(self.edges, self.true_pose(time), _stamp(time), rng)
+
+    @property
+    def reading_count(self) -> int:
+        """Odometry readings: one past the end, so that the log ends where the drive does."""
+        return math.ceil(self.duration * self.odometry.rate) + 1
+
+    @property
+    def scan_count(self) -> int:
+        """Scans, none past the end."""
+        return math.floor(self.duration * self.laser.rate) + 1
+
+    def _odometry_times(self) -> Iterator[float]:
+        return (i / self.odometry.rate for i in range(self.reading_count))
+
+    def _wheel_motion(self, time: float) -> Pose2D:
+        """How the wheels turned since the reading before `time`, as a motion of the robot."""
+        step = 1 / self.odometry.rate
+        fault = self.odometry.fault_at(time - step / 2)
+        if fault == "slip":  # they go on as they did when they lost their grip
+            driven = self._driven(time)
+            return self.drive.pose_at(driven - step).between(self.drive.pose_at(driven))
+        moved = self.true_pose(time - step).between(self.true_pose(time))
+        if fault == "freeze":
+            return Pose2D()
+        return Pose2D(-moved.x, -moved.y, moved.theta) if fault == "reverse-sign" else moved
+
+    def _driven(self, time: float) -> float:
+        """The part of the time that the robot did not stand with slipping wheels."""
+        return time - sum(max(0.0, min(time, s.end) - s.begin) for s in self._slips())
+
+    def _log_time(self, driven: float) -> float:
+        """The time of the log at which the robot has driven so long."""
+        for slip in self._slips():
+            driven += slip.end - slip.begin if slip.begin < driven else 0.0
+        return driven
+
+    def _slips(self) -> list[Fault]:
+        return [fault for fault in self.odometry.faults if fault.kind == "slip"]
+
+
+def check_clearance(world: World | GridMap, drive: Drive, radius: float = ROBOT_RADIUS) -> None:
+    """Refuse a drive that bumps into something.
+
+    Args:
+        radius: of the robot, metres, more than 0.
+
+    Raises:
+        DataError: the robot starts in an obstacle, or comes closer to one than its radius; it
+            names the waypoint.
+    """
+    start = drive.pose_at(0.0)
+    if is_inside(world, start.x, start.y):
+        raise DataError(f"waypoint 1 ({start.x:g}, {start.y:g}) lies in an obstacle")
+    edges = edges_of(world)
+    for times in _in_blocks(drive, radius / 2):
+        poses = [drive.pose_at(time) for time in times]
+        gaps = clearance(edges, np.array([(pose.x, pose.y) for pose in poses]), radius)
+        hit = int(np.argmax(gaps < radius))
+        if gaps[hit] < radius:
+            pose, waypoint = poses[hit], drive.waypoint_at(times[hit])
+            raise DataError(
+                f"at ({pose.x:.2f}, {pose.y:.2f}), on the way to waypoint {waypoint + 1}, "
+                f"the robot is {gaps[hit]:.2f} m from an obstacle",
+                expected=f"at least its radius, {radius:g} m",
+            )
+
+
+def _in_blocks(drive: Drive, metres: float, size: int = 64) -> Iterator[NDArray[np.float64]]:
+    """Times at most so many metres of driving apart, in blocks that are close together."""
+    speed = max(profile.peak for profile in drive.profiles)
+    step = max(metres, 0.001) / speed
+    for first in range(0, math.ceil(drive.duration / step) + 1, size):
+        yield np.minimum(np.arange(first, first + size) * step, drive.duration)
+
+
+def _stamp(time: float) -> int:
+    return START_NS + round(time * 1e9)
+
+
+def _rounded(pose: Pose2D) -> Pose2D:
+    values = pose.x, pose.y, wrap_angle(pose.theta)
+    return Pose2D(*(round(value / GRAIN) * GRAIN for value in values))

@@ -1,0 +1,32 @@
+"""How well a scan fits everywhere in a window, for those who must know what else would fit."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.algorithms.compiling import kernel
+from mapcli.algorithms.slam._kernels.branch_and_bound import total
+
+
+@kernel
+def fits(
+    field: NDArray[np.uint8],
+    places: NDArray[np.int64],
+    columns: int,
+    low: tuple[int, int],
+    stride: int,
+    sums: NDArray[np.int64],
+) -> None:
+    """Sums of a field at points that are shifted to every `stride`-th cell of a square.
+
+    Args:
+        field: the flattened array; places: indices of the points in it, before the shift.
+        columns: of the array.
+        low: the lowest shift, (columns, rows).
+        sums: filled, by rows from the lowest shift to the highest.
+    """
+    for row in range(sums.shape[0]):
+        for column in range(sums.shape[1]):
+            shift = (low[1] + row * stride) * columns + low[0] + column * stride
+            sums[row, column] = total(field, places, shift)

@@ -1,0 +1,166 @@
+"""What a run of Algorithm 9.2 leaves behind for afterwards: its track, and stretches of it.
+
+A KEYFRAME is a scan that was written into the current map. A STRETCH is some metres of the track,
+rigid as it was tracked, with an ANCHOR keyframe in its middle; stretches are what loops are
+closed between.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.algorithms.scans.perception import Perception
+from mapcli.algorithms.slam.motion_model import OdometryModel
+from mapcli.algorithms.slam.surfel_map import covariance_of
+from mapcli.model.pose import Pose2D, interpolate
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Keyframe:
+    """A scan that is part of the map.
+
+    Attributes:
+        scan: its number.
+        pose: as tracked.
+        perception: what was seen.
+        covariance: of the motion since the keyframe before, shape (3, 3), in the robot's frame.
+        metres: driven until here.
+    """
+
+    scan: int
+    pose: Pose2D
+    perception: Perception
+    covariance: NDArray[np.float64]
+    metres: float
+
+
+@dataclass
+class Track:
+    """Every scan's pose and points, and the keyframes among them (stateful: it grows).
+
+    Attributes:
+        poses: as tracked; points: shape (n, 2) each, float32, where beams ended, in the robot's
+            frame, one for each cell of the map.
+    """
+
+    poses: list[Pose2D] = field(default_factory=list)
+    points: list[NDArray[np.float32]] = field(default_factory=list)
+    keyframes: list[Keyframe] = field(default_factory=list)
+
+    def add(self, pose: Pose2D, points: NDArray[np.float64]) -> None:
+        """The next scan."""
+        self.poses.append(pose)
+        self.points.append(points.astype(np.float32))
+
+    def amend(self, poses: Sequence[Pose2D]) -> None:
+        """The last scans were taken at these poses."""
+        first = len(self.poses) - len(poses)
+        self.poses[first:] = poses
+        begin = bisect_left(self.keyframes, first, key=lambda keyframe: keyframe.scan)
+        for k in range(begin, len(self.keyframes)):
+            pose, metres = self.poses[self.keyframes[k].scan], 0.0
+            if k:
+                last = self.keyframes[k - 1]
+                metres = last.metres + last.pose.distance(pose)
+            self.keyframes[k] = replace(self.keyframes[k], pose=pose, metres=metres)
+
+    def add_keyframe(
+        self, perception: Perception, match: NDArray[np.float64] | None, wheels: OdometryModel
+    ) -> None:
+        """The last scan is a keyframe; `match` is the information from the map, if any."""
+        motion, metres, pose = Pose2D(), 0.0, self.poses[-1]
+        if self.keyframes:
+            last = self.keyframes[-1]
+            motion, metres = last.pose.between(pose), last.metres + last.pose.distance(pose)
+        covariance = step_covariance(motion, match, wheels)
+        self.keyframes.append(Keyframe(len(self.poses) - 1, pose, perception, covariance, metres))
+
+
+TRACKING = 0.015, math.radians(0.15)
+"""Standard deviations of a tracked pose after a metre, or a turn of a radian, at best."""
+
+
+def step_covariance(
+    motion: Pose2D, match: NDArray[np.float64] | None, wheels: OdometryModel
+) -> NDArray[np.float64]:
+    """Of a motion from keyframe to keyframe, shape (3, 3): map and wheels together say where the
+    robot is, and neither is better than tracking is at best."""
+    spread, way = wheels.spread(motion), math.hypot(motion.x, motion.y) + abs(motion.theta)
+    information = np.diag([spread.xy**-2, spread.xy**-2, spread.turn**-2])
+    covariance = covariance_of(information if match is None else information + match)
+    floor: NDArray[np.float64] = max(way, 0.01) * np.diag(
+        [TRACKING[0] ** 2, TRACKING[0] ** 2, TRACKING[1] ** 2]
+    )
+    return covariance + floor
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """Keyframes `first` to `last`, both included, and the anchor among them."""
+
+    first: int
+    last: int
+    anchor: int
+
+
+def split(keyframes: list[Keyframe], metres: float) -> list[Stretch]:
+    """Stretches of about so many metres, one after the other."""
+    starts = [0]
+    for k, keyframe in enumerate(keyframes):
+        if keyframe.metres - keyframes[starts[-1]].metres >= metres:
+            starts.append(k)
+    stretches = []
+    for first, after in pairwise([*starts, len(keyframes)]):
+        middle = (keyframes[first].metres + keyframes[after - 1].metres) / 2
+        anchor = bisect_left(keyframes, middle, first, after - 1, key=lambda k: k.metres)
+        stretches.append(Stretch(first, after - 1, anchor))
+    return stretches
+
+
+def around(keyframes: list[Keyframe], anchor: int, metres: float) -> range:
+    """Keyframes at most so many metres before or after an anchor."""
+    at = keyframes[anchor].metres
+    first = bisect_left(keyframes, at - metres, key=lambda k: k.metres)
+    last = bisect_right(keyframes, at + metres, key=lambda k: k.metres)
+    return range(min(first, anchor), max(last, anchor + 1))
+
+
+def covariance_between(keyframes: list[Keyframe], a: int, b: int) -> NDArray[np.float64]:
+    """Of keyframe b's pose as tracked from keyframe a (a < b), shape (3, 3), in b's frame."""
+    total, end = np.zeros((3, 3)), keyframes[b].pose
+    for keyframe in keyframes[a + 1 : b + 1]:
+        total += moved_covariance(keyframe.covariance, end.between(keyframe.pose))
+    return total
+
+
+def moved_covariance(covariance: NDArray[np.float64], seen: Pose2D) -> NDArray[np.float64]:
+    """What an error of a pose, `covariance` in its own frame, does to another pose that is
+    rigidly fixed to it and sees it at `seen`; in the other's frame, shape (3, 3)."""
+    cos, sin = math.cos(seen.theta), math.sin(seen.theta)
+    jacobian = np.array([[cos, -sin, seen.y], [sin, cos, -seen.x], [0.0, 0.0, 1.0]])
+    moved: NDArray[np.float64] = jacobian @ covariance @ jacobian.T
+    return moved
+
+
+def bend(track: Track, stretches: list[Stretch], anchors: list[Pose2D]) -> list[Pose2D]:
+    """Every scan's pose when the anchors are moved: between two of them, each has its share."""
+    frames = [track.keyframes[s.anchor] for s in stretches]
+    scans = [frame.scan for frame in frames]
+    bent = []
+    for scan, pose in enumerate(track.poses):
+        after = min(max(bisect_left(scans, scan), 1), len(scans) - 1)
+        if len(scans) == 1 or scan <= scans[0] or scan >= scans[-1]:
+            k = 0 if scan <= scans[0] else len(scans) - 1
+            bent.append(anchors[k].compose(frames[k].pose.between(pose)))
+            continue
+        one, other = (anchors[k].compose(frames[k].pose.between(pose)) for k in (after - 1, after))
+        share = (scan - scans[after - 1]) / (scans[after] - scans[after - 1])
+        bent.append(interpolate(one, other, share))
+    return bent

@@ -1,0 +1,47 @@
+"""Relations between poses, as Kuemmerle et al. 2009 publish them: measured by hand, from a log.
+
+    # t1 t2 x y z roll pitch yaw    the pose at t2 as seen from the one at t1
+    39.447200 48.401801 -0.153130 -0.051420 0 0 0 -2.405850
+
+Seconds in log time, metres, radians; plain or gzip. In the plane, z, roll and pitch are not used.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path, PurePath
+
+import numpy as np
+
+from mapcli.errors import FormatError
+from mapcli.formats.documents.trajectories import unpacked
+from mapcli.formats.documents.trajectory import columns, rows_of_words, stamp_ns
+from mapcli.formats.maps.load import read_file
+from mapcli.model.trajectory import Relations
+
+COLUMNS = "t1 t2 x y z roll pitch yaw"
+
+
+def is_relations(path: str) -> bool:
+    """By the suffix: eight columns alone could be TUM poses as well."""
+    return PurePath(path.removesuffix(".gz")).suffix.lower() == ".relations"
+
+
+def load_relations(path: str) -> Relations:
+    """Read relations.
+
+    Raises:
+        FormatError: no such file, no relations in it, or a line that is not one.
+    """
+    data = unpacked(read_file(Path(path), "a file of relations"), path)
+    starts, ends, poses = [], [], []
+    for line, words in rows_of_words(data):
+        where = f"line {line}"
+        numbers = columns(words, 8, path, where, COLUMNS)
+        starts.append(stamp_ns(words[0], path, where))
+        ends.append(stamp_ns(words[1], path, where))
+        poses.append((numbers[2], numbers[3], numbers[7]))
+    if not poses:
+        raise FormatError("has no relations", file=path, expected=f"lines of {COLUMNS}")
+    return Relations(
+        np.array(starts, dtype=np.int64), np.array(ends, dtype=np.int64), np.array(poses)
+    )

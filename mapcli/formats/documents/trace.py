@@ -1,0 +1,135 @@
+"""Pose traces: where the robot was, as `mapcli slam-replay` writes it (`mapcli.pose-trace`)."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mapcli.errors import FormatError
+from mapcli.formats.documents.document import document, json_bytes, read_document
+from mapcli.formats.maps.load import read_file
+from mapcli.model.isometry import Isometry
+from mapcli.model.pose import Pose2D
+from mapcli.model.trace import PoseTrace, TracedPose
+from mapcli.model.trajectory import Trajectory
+
+POSE_TRACE = "mapcli.pose-trace"
+
+FARTHEST_M = 1e9
+"""No robot gets there; a number beyond is damage, and nothing could be drawn with it."""
+
+
+def load_trace_poses(path: str | Path) -> Trajectory:
+    """Read the poses of a trace, from standard input for `-`.
+
+    Raises:
+        FormatError: as of `read_trace_poses`, or no such file.
+    """
+    return read_trace_poses(read_file(Path(path)), str(path))
+
+
+def read_trace_poses(data: bytes, file: str) -> Trajectory:
+    """The poses of a trace.
+
+    Raises:
+        FormatError: not a trace, or a pose without its numbers.
+    """
+    poses = read_document(data, file, POSE_TRACE).get("poses")
+    if not isinstance(poses, list):
+        raise FormatError("has no list of poses", file=file, expected=POSE_TRACE)
+    rows = []
+    for k, pose in enumerate(poses):
+        try:
+            rows.append((int(pose["stamp_ns"]), *(float(pose[key]) for key in ("x", "y", "theta"))))
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise _bad_pose(file, k, error) from error
+    stamps = np.array([row[0] for row in rows], dtype=object)
+    numbers = np.array([row[1:] for row in rows], dtype=np.float64).reshape(-1, 3)
+    bad = ~(np.abs(numbers) < FARTHEST_M).all(axis=1) | (np.abs(stamps) >= 2**63)
+    if bad.any():
+        raise _bad_pose(file, int(np.argmax(bad)), None)
+    return Trajectory(numbers, stamps.astype(np.int64))
+
+
+def move_trace(path: str | Path, motion: Isometry) -> bytes:
+    """A trace file's content after the world has moved: the poses with it, the rest as it was.
+
+    A mirror turns steps to the left into steps to the right, in the odometry and the loops too.
+
+    Raises:
+        FormatError: as of `load_trace_poses`.
+    """
+    data = read_file(Path(path))
+    content = read_document(data, str(path), POSE_TRACE)
+    read_trace_poses(data, str(path))
+    poses = [_moved(pose, motion) for pose in content["poses"]]
+    loops = content.get("loops") or []
+    if motion.mirrored:
+        loops = [loop | {"dy": -loop["dy"], "dtheta": -loop["dtheta"]} for loop in loops]
+    moved_by = {**_pose(motion.pose), "mirrored": motion.mirrored}
+    head = document(POSE_TRACE, {Path(path).name: hashlib.sha256(data).hexdigest()}, {}, {})
+    head["parameters"] = {**content.get("parameters", {}), "moved_by": moved_by}
+    rest = {key: value for key, value in content.items() if key not in head}
+    return json_bytes({**head, **rest, "loops": loops, "poses": poses})
+
+
+def _moved(pose: dict[str, Any], motion: Isometry) -> dict[str, Any]:
+    moved = motion.apply_pose(Pose2D(*(float(pose[key]) for key in ("x", "y", "theta"))))
+    odom = pose.get("odom")
+    if odom and motion.mirrored:
+        odom = odom | {"y": -odom["y"], "theta": -odom["theta"]}
+    return pose | _pose(moved) | ({"odom": odom} if "odom" in pose else {})
+
+
+def _bad_pose(file: str, index: int, error: Exception | None) -> FormatError:
+    missing = f"no {error}" if isinstance(error, KeyError) else "a bad number"
+    return FormatError(
+        f"has {missing}", file=file, where=f"pose {index}", expected="stamp_ns, x, y and theta"
+    )
+
+
+def trace_document(
+    trace: PoseTrace,
+    inputs: Mapping[str, str],
+    parameters: Mapping[str, Any],
+    summary: Mapping[str, Any],
+) -> dict[str, Any]:
+    """A pose trace as a document of format `mapcli.pose-trace` (see `document.py`).
+
+    Lengths and angles have six decimals, scores four: micrometres are finer than any laser, and
+    such numbers are the same on every machine.
+    """
+    loops = [
+        {
+            "from": loop.from_,
+            "to": loop.to,
+            **{f"d{name}": value for name, value in _pose(loop.pose).items()},
+            "score": round(loop.score, 4),
+        }
+        for loop in trace.loops
+    ]
+    content = {"summary": summary, "loops": loops, "poses": [_row(p) for p in trace.poses]}
+    return document(POSE_TRACE, inputs, parameters, content)
+
+
+def _row(traced: TracedPose) -> dict[str, Any]:
+    return {
+        "stamp_ns": traced.stamp_ns,
+        **_pose(traced.pose),
+        "odom": None if traced.odom is None else _pose(traced.odom),
+        "score": None if traced.score is None else round(traced.score, 4),
+        "status": traced.status,
+    }
+
+
+def _pose(pose: Pose2D) -> dict[str, float]:
+    # + 0.0: no -0.0, whose sign is noise.
+    return {
+        "x": round(pose.x, 6) + 0.0,
+        "y": round(pose.y, 6) + 0.0,
+        "theta": round(pose.theta, 6) + 0.0,
+    }

@@ -1,0 +1,101 @@
+"""Opening a trajectory, whatever its format: the content decides, not the suffix.
+
+Our own `trace.json`, the formats of `trajectory.py`, `t x y theta` text, and MCAP files with poses
+such as those that `mapcli simulate` writes. Plain or gzip.
+"""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import tempfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mapcli.errors import FormatError
+from mapcli.formats.documents.trace import read_trace_poses
+from mapcli.formats.documents.trajectory import EXPECTED, read_trajectory
+from mapcli.formats.logs.blocks import GZIP_MAGIC
+from mapcli.formats.maps.load import read_file
+from mapcli.model.trajectory import Trajectory
+
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedTrajectory:
+    """A trajectory, the SHA-256 of its file, and what was wrong with it, a sentence per kind."""
+
+    trajectory: Trajectory
+    sha256: str
+    warnings: tuple[str, ...] = ()
+
+
+def load_trajectory(path: str, topic: str | None = None) -> LoadedTrajectory:
+    """Read a trajectory, from standard input for `-`.
+
+    Args:
+        topic: where the poses of an MCAP file are; None finds the only candidate.
+
+    Raises:
+        FormatError: no such file, of no known format, malformed, without poses, or with stamps
+            that go back.
+        DataError: no topic with poses, or no obvious one.
+    """
+    packed = read_file(Path(path), EXPECTED)
+    data, digest = unpacked(packed, path), hashlib.sha256(packed).hexdigest()
+    if data.startswith(MCAP_MAGIC):
+        trajectory, warnings = _from_mcap(data, path, topic)
+        return LoadedTrajectory(trajectory, digest, warnings)
+    if topic is not None:
+        raise FormatError(f"has no topic {topic}", file=path, expected="an MCAP file")
+    if data.lstrip()[:1] == b"{":
+        trajectory = read_trace_poses(data, path)
+        _check(trajectory, path)
+        return LoadedTrajectory(trajectory, digest)
+    return LoadedTrajectory(read_trajectory(data, path), digest)
+
+
+def unpacked(data: bytes, file: str) -> bytes:
+    """The content of a file that may be gzip.
+
+    Raises:
+        FormatError: damaged gzip.
+    """
+    if not data.startswith(GZIP_MAGIC):
+        return data
+    try:
+        return gzip.decompress(data)
+    except (OSError, EOFError, zlib.error) as error:
+        raise FormatError(f"cannot be unpacked: {error}", file=file, expected="gzip") from error
+
+
+def _from_mcap(data: bytes, file: str, topic: str | None) -> tuple[Trajectory, tuple[str, ...]]:
+    from mapcli.formats.logs.log import Source
+    from mapcli.formats.logs.mcap.true_poses import read_mcap_poses
+    from mapcli.model.log import Damage
+
+    damage = Damage()
+    with tempfile.NamedTemporaryFile(prefix="mapcli-") as copy:  # it is read here and there
+        copy.write(data)
+        copy.flush()
+        trajectory = read_mcap_poses(Source(file, Path(copy.name)), topic, damage)
+    return trajectory, tuple(damage.lines())
+
+
+def _check(trajectory: Trajectory, file: str) -> None:
+    """Refuse a trace without poses, or one whose stamps go back."""
+    stamps = trajectory.stamps_ns
+    assert stamps is not None
+    if not len(trajectory):
+        raise FormatError("has no poses", file=file, expected=EXPECTED)
+    back = np.flatnonzero(np.diff(stamps) < 0)
+    if len(back):
+        k = int(back[0]) + 1
+        raise FormatError(
+            f"the stamp goes back from {stamps[k - 1]} to {stamps[k]} ns",
+            file=file, where=f"pose {k}", expected="poses in time order",
+        )  # fmt: skip

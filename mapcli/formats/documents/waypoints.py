@@ -1,0 +1,89 @@
+"""Paths that robots drive: text, one waypoint a line, the first is the start.
+
+    0.5 0.5                      # x and y in metres, separated by blanks or a comma
+    3.0 0.5  speed=0.3 pause=2   # limit on the way there, m/s; seconds to stand there
+    1.0 0.5  back                # driven to in reverse
+
+The same as YAML: `waypoints: [[0.5, 0.5], [3, 0.5, speed=0.3, pause=2], [1, 0.5, back]]`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import yaml
+
+from mapcli.errors import DataError, FormatError
+from mapcli.formats.maps.load import read_file
+from mapcli.formats.maps.yaml_map import Document
+from mapcli.model.waypoint import Waypoint
+
+EXPECTED = "`X Y [back] [speed=M/S] [pause=S]`"
+LIMITS = ("speed", "pause")
+
+
+def load_waypoints(path: str | Path) -> list[Waypoint]:
+    """The waypoints of a path file, or of standard input for `-`.
+
+    Raises:
+        FormatError: not readable, empty, or a bad waypoint, naming its line.
+    """
+    path = Path(path)
+    waypoints = read_waypoints(read_file(path), str(path))
+    if not waypoints:
+        raise FormatError("has no waypoints", file=path, expected=f"lines of {EXPECTED}")
+    return waypoints
+
+
+def read_waypoints(data: bytes, file: str) -> list[Waypoint]:
+    """Waypoints from text or YAML.
+
+    Raises:
+        FormatError: a bad waypoint, naming its line.
+    """
+    text = data.decode("utf-8-sig", "replace")
+    is_yaml = any(line.startswith("waypoints:") for line in text.splitlines())
+    rows = _yaml_rows(data, file) if is_yaml else _text_rows(text)
+    return [_waypoint(words, file, f"line {line}") for line, words in rows]
+
+
+def _text_rows(text: str) -> Iterator[tuple[int, list[str]]]:
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.split("#")[0].replace(",", " ").split()
+        if words:
+            yield number, words
+
+
+def _yaml_rows(data: bytes, file: str) -> Iterator[tuple[int, list[str]]]:
+    document = Document.parse(data, file)
+    waypoints = document.nodes["waypoints"]
+    if not isinstance(waypoints, yaml.SequenceNode):
+        raise document.error("waypoints", "not a list", f"a list of {EXPECTED}")
+    for i, node in enumerate(waypoints.value):
+        if not isinstance(node, yaml.SequenceNode):
+            raise document.error(f"waypoints[{i}]", "not a list", "[x, y]", node)
+        words = [
+            word.value if isinstance(word, yaml.ScalarNode) else "a list" for word in node.value
+        ]
+        yield node.start_mark.line + 1, words
+
+
+def _waypoint(words: Sequence[str], file: str, where: str) -> Waypoint:
+    try:
+        x, y = (float(word) for word in words[:2])
+        back, limits = False, dict[str, float]()
+        for word in words[2:]:
+            name, _, value = word.partition("=")
+            if word == "back" and not back:
+                back = True
+            elif name in LIMITS and name not in limits:
+                limits[name] = float(value)
+            else:
+                raise ValueError(word)
+        return Waypoint(x, y, back, **limits)
+    except ValueError:
+        shown = " ".join(words)[:60]
+        raise FormatError(f"{shown!r}", file=file, where=where, expected=EXPECTED) from None
+    except DataError as error:
+        raise FormatError(error.problem, file=file, where=where, expected=error.expected) from None

@@ -1,0 +1,70 @@
+"""Bytes of a file, plain or gzip, in blocks and lines; what a broken gzip still holds is used."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from typing import BinaryIO
+
+from mapcli.formats.logs.log import Source
+from mapcli.model.log import Damage
+
+GZIP_MAGIC = b"\x1f\x8b"
+
+BLOCK_BYTES = 1 << 16
+MAX_LINE_BYTES = 1 << 20
+"""A line beyond this (20,000 beams have 200 kB) is no message; it is skipped, not collected."""
+
+_GZIP_FORMAT = 31
+"""zlib's `wbits` for a gzip header."""
+
+_STEP_BYTES = 512
+"""Unpacked at a time: an error takes the output of its step with it, so steps are small."""
+
+
+def read_blocks(source: Source, damage: Damage) -> Iterator[bytes]:
+    """The (unpacked) content in blocks of a bounded size. Damage of the packing is counted."""
+    with source.path.open("rb") as file:
+        packed = file.read(len(GZIP_MAGIC)) == GZIP_MAGIC
+        file.seek(0)
+        if packed:
+            yield from _unpacked(file, source.name, damage)
+            return
+        while block := file.read(BLOCK_BYTES):
+            yield block
+
+
+def _unpacked(file: BinaryIO, name: str, damage: Damage) -> Iterator[bytes]:
+    unpacker = zlib.decompressobj(_GZIP_FORMAT)
+    for packed in iter(lambda: file.read(_STEP_BYTES), b""):
+        try:
+            while packed:
+                if unpacker.eof:  # gzip files may be chained (`cat a.gz b.gz`) and padded
+                    if not (packed := packed.lstrip(b"\0")):
+                        break
+                    unpacker = zlib.decompressobj(_GZIP_FORMAT)
+                yield unpacker.decompress(packed)
+                packed = unpacker.unused_data
+        except zlib.error:
+            damage.add(
+                "gzip streams broken off, the rest is lost",
+                file=name,
+                where=f"about byte {file.tell()}",
+            )
+            return
+    if not unpacker.eof:
+        damage.add("gzip streams without an end", file=name, where=f"byte {file.tell()}")
+
+
+def read_lines(source: Source, damage: Damage) -> Iterator[tuple[int, bytes]]:
+    """(number from 1, line without its end) of a text file, plain or gzip."""
+    number, tail = 1, b""
+    for block in read_blocks(source, damage):
+        *lines, tail = (tail + block).split(b"\n")
+        yield from enumerate(lines, number)
+        number += len(lines)
+        if len(tail) > MAX_LINE_BYTES:
+            damage.add("lines of more than 1 MB", file=source.name, where=f"line {number}")
+            tail = b""
+    if tail:
+        yield number, tail

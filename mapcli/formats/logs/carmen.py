@@ -1,0 +1,253 @@
+"""CARMEN logs, plain or gzip (see `carmen_lines` for the grammar), as records.
+
+What the format leaves open is settled as follows:
+
+- FLASER tells no maximum range: readings of 80 m and more are no return (SICK's error codes in
+  centimetres start at 8183). Where the first 500 scans hold none, their largest reading means no
+  return if it occurs 20 times or more, and more often than all readings within 10 % below it.
+  ROBOTLASER1 tells the maximum; readings that reach it are no return.
+- A scan's own odometry is yielded right before it with the same stamp, besides the ODOM lines.
+- The laser's pose on the robot is told by the two poses of each scan, if they differ by the same
+  offset in the first 50 scans; logs whose first pose was corrected afterwards do not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from heapq import merge
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.errors import FormatError
+from mapcli.formats.logs.blocks import read_lines
+from mapcli.formats.logs.carmen_lines import PARSERS, LaserMessage, message_name
+from mapcli.formats.logs.log import Log, Source, describe_mount
+from mapcli.formats.logs.ranges import rep117, single
+from mapcli.formats.logs.ros.messages import settled_angle
+from mapcli.model.log import Damage, LogOptions, Topic
+from mapcli.model.pose import Pose2D, wrap_angle
+from mapcli.model.scan import Mount, Odometry, RangeScan, Record
+
+SICK_NO_RETURN_M = 80.0
+SURVEYED_SCANS = 500
+REPEATED_MAXIMUM = 20
+MOUNT_SCANS = 50
+MOUNT_TOLERANCE_M, MOUNT_TOLERANCE_RAD = 0.002, math.radians(0.1)
+
+
+class _Survey:
+    """What a first pass over a log finds: how many messages, and what the first scans tell.
+
+    Attributes:
+        counts: messages by name, whether they are well formed or not.
+        offsets: name of a laser message -> its laser's pose on the robot in the first scans.
+    """
+
+    def __init__(self) -> None:
+        self.counts: dict[str, int] = {}
+        self.offsets: dict[str, list[Pose2D]] = {}
+        self._ranges: dict[str, list[NDArray[np.float32]]] = {}
+
+    def wants(self, name: str) -> bool:
+        """Whether the next message of this name is to be parsed."""
+        return len(self._ranges.get(name, ())) < SURVEYED_SCANS
+
+    def add(self, name: str, message: LaserMessage | Odometry) -> None:
+        offsets, ranges = self.offsets.setdefault(name, []), self._ranges.setdefault(name, [])
+        if isinstance(message, LaserMessage):
+            offsets.append(message.robot.between(message.laser))
+            ranges.append(message.ranges)
+        else:
+            ranges.append(np.empty(0, dtype=np.float32))
+
+    def repeated_maximum(self, name: str) -> float | None:
+        """The largest reading, if it looks like the laser's way to say no return."""
+        ranges = np.concatenate([np.empty(0, dtype=np.float32), *self._ranges.get(name, ())])
+        largest = ranges[np.isfinite(ranges)].max(initial=0.0)
+        times = np.count_nonzero(ranges == largest)
+        near = np.count_nonzero((ranges >= 0.9 * largest) & (ranges < largest))
+        if largest >= SICK_NO_RETURN_M or times < REPEATED_MAXIMUM or times <= near:
+            return None
+        return float(largest)
+
+    def mount(self, name: str) -> Mount | None:
+        """The laser's pose on the robot; None if the first scans do not agree about it."""
+        first, *others = self.offsets.get(name) or [Pose2D()]
+        for other in others[:MOUNT_SCANS]:
+            turn = abs(wrap_angle(other.theta - first.theta))
+            if first.distance(other) > MOUNT_TOLERANCE_M or turn > MOUNT_TOLERANCE_RAD:
+                return None
+        # The log's six decimals carry no more than this.
+        x, y, theta = (round(value, 4) + 0.0 for value in (first.x, first.y, first.theta))
+        return Mount(Pose2D(x, y, settled_angle(theta)))
+
+
+class CarmenLog(Log):
+    """A CARMEN log, read in two passes: a survey when it is opened, then the records.
+
+    Raises:
+        FormatError: not one valid message.
+    """
+
+    scans_are = "FLASER or ROBOTLASER1 lines"
+
+    def __init__(self, sources: Sequence[Source], options: LogOptions) -> None:
+        super().__init__(sources, options)
+        self._survey = _Survey()
+        self._spans: dict[str, tuple[int, int]] = {}
+        for source in self.sources:
+            self._look_over(source)
+        if not self._spans:
+            raise FormatError(
+                "holds no valid message",
+                file=self.sources[0].name,
+                expected="ODOM, FLASER or ROBOTLASER1 lines",
+            )
+
+    def _look_over(self, source: Source) -> None:
+        """Survey one file, and note the stamps of the first and the last message of each name."""
+        survey, last = self._survey, dict[str, bytes]()
+        for _, name, line in self._lines(source, Damage()):
+            survey.counts[name] = survey.counts.get(name, 0) + 1
+            if name in PARSERS:
+                last[name] = line
+                if survey.wants(name):
+                    self._look_at(name, line, survey.add)
+        for name, line in last.items():
+            self._look_at(name, line)
+
+    def _look_at(
+        self,
+        name: str,
+        line: bytes,
+        add: Callable[[str, LaserMessage | Odometry], None] | None = None,
+    ) -> None:
+        message = self._parse(name, line)
+        if message is not None:
+            first, last = self._spans.get(name, (message.stamp_ns, message.stamp_ns))
+            self._spans[name] = min(first, message.stamp_ns), max(last, message.stamp_ns)
+            if add is not None:
+                add(name, message)
+
+    def topics(self) -> list[Topic]:
+        return [
+            Topic(
+                name,
+                "odometry" if name == "ODOM" else "scan" if name in PARSERS else "other",
+                "CARMEN",
+                "carmen",
+                count,
+                *self._spans.get(name, (0, 0)),
+            )
+            for name, count in sorted(self._survey.counts.items())
+        ]
+
+    @property
+    def record_count(self) -> int | None:
+        return (super().record_count or 0) + (self.scan_count or 0)
+
+    def find_odom_topic(self) -> Topic | None:
+        """ODOM, or the scans themselves, which carry their odometry."""
+        scan = self.scan_topic
+        own = next((topic for topic in self.topics() if topic.name == scan), None)
+        if own is not None and self.options.odom_topic == own.name:
+            return own
+        return super().find_odom_topic() or own
+
+    def _records(self) -> Iterator[Record]:
+        scan_name = self.require_scan_topic().name
+        wanted = {scan_name, "ODOM"} if self.options.odom_topic != scan_name else {scan_name}
+        own_odometry = self.options.odom_topic in (None, scan_name)
+        mount, limit = self._mount(scan_name), self._limit(scan_name)
+        parts = [self._part(source, wanted, own_odometry, mount, limit) for source in self.sources]
+        return merge(*parts, key=lambda record: record.stamp_ns) if len(parts) > 1 else parts[0]
+
+    def _part(
+        self, source: Source, wanted: set[str], own_odometry: bool, mount: Mount, limit: float
+    ) -> Iterator[Record]:
+        for number, message in self._messages(source, wanted):
+            if isinstance(message, Odometry):
+                yield message
+            else:
+                if own_odometry:
+                    yield Odometry(message.stamp_ns, message.robot)
+                if len(message.ranges):
+                    yield self._scan(message, mount, limit)
+                else:
+                    where = f"line {number}"
+                    self.damage.add("scans without beams, skipped", file=source.name, where=where)
+
+    def _scan(self, message: LaserMessage, mount: Mount, limit: float) -> RangeScan:
+        limit = single(_no_return(message.max_range, limit))
+        return RangeScan(
+            message.stamp_ns,
+            single(message.angle_min),
+            single(message.angle_increment),
+            rep117(message.ranges, 0.0, limit, self.beams),
+            0.0,
+            limit,
+            mount,
+        )
+
+    def _messages(
+        self, source: Source, wanted: set[str]
+    ) -> Iterator[tuple[int, LaserMessage | Odometry]]:
+        """(line, message) of the messages wanted; malformed ones are counted."""
+        for number, name, line in self._lines(source, self.damage):
+            if name in wanted:
+                message = self._parse(name, line)
+                if message is not None:
+                    yield number, message
+                else:
+                    what = f"lines without a valid {name} message"
+                    self.damage.add(what, file=source.name, where=f"line {number}")
+
+    def _parse(self, name: str, line: bytes) -> LaserMessage | Odometry | None:
+        """The message on a line; None where it is malformed."""
+        try:
+            return PARSERS[name](line.split(), self.options.time_source == "log")
+        except (ValueError, IndexError, ArithmeticError):
+            return None
+
+    @staticmethod
+    def _lines(source: Source, damage: Damage) -> Iterator[tuple[int, str, bytes]]:
+        """(number, name, line) of the lines that start with a message's name."""
+        for number, line in read_lines(source, damage):
+            name = message_name(line)
+            if name is not None:
+                yield number, name, line
+            elif line.strip() and not line.lstrip().startswith(b"#"):
+                what = "lines of nonsense, skipped"
+                damage.add(what, file=source.name, where=f"line {number}")
+
+    def _mount(self, scan_name: str) -> Mount:
+        if self.laser_pose is not None:
+            return self.laser_pose
+        mount = self._survey.mount(scan_name)
+        if mount is None:
+            self.note(
+                f"{scan_name}: the laser's and the robot's poses differ by no constant offset "
+                "(a corrected log?); laser assumed at the robot's centre"
+            )
+        elif mount != Mount():
+            self.note(describe_mount(scan_name, mount))
+        return mount or Mount()
+
+    def _limit(self, scan_name: str) -> float:
+        limit = self._survey.repeated_maximum(scan_name)
+        if limit is not None:
+            self.note(f"{scan_name}: the largest reading, {limit:.2f} m, is taken for no return")
+        return limit or math.inf
+
+
+def _no_return(told: float, repeated: float) -> float:
+    """The reading from which a beam counts as no return, metres.
+
+    Args:
+        told: the laser's maximum as the message has it; 0 where it does not.
+        repeated: the log's repeated maximum, infinite where there is none.
+    """
+    sick = not told > 0 or SICK_NO_RETURN_M <= told < SICK_NO_RETURN_M + 2
+    return min(SICK_NO_RETURN_M if sick else told, repeated)

@@ -1,0 +1,232 @@
+"""What all log formats have in common: sources, topic choice, stamp order, strictness."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from abc import ABC, abstractmethod
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from operator import attrgetter
+from pathlib import Path
+
+from mapcli.errors import DataError, FormatError
+from mapcli.formats.logs.ros.messages import settled_angle
+from mapcli.formats.logs.topics import choose_odom_topic, choose_scan_topic
+from mapcli.model.counting import counted
+from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, Topic
+from mapcli.model.scan import Mount, Odometry, RangeScan, Record
+
+REORDER_RECORDS = 2000
+"""Records held back to put stamps in order: some 10 s of a usual robot, a few MB of scans."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """One input file.
+
+    Attributes:
+        name: what the user typed (`-` for standard input); goes into messages.
+        path: where the bytes are (a temporary file for standard input).
+        keeps: the temporary file, which is deleted with the last reference to it.
+    """
+
+    name: str
+    path: Path
+    keeps: object = None
+
+
+class StrictDamage(Damage):
+    """Refuses the first damage instead of counting it (`--strict`)."""
+
+    def add(
+        self, what: str, times: int = 1, *, file: str | None = None, where: str | None = None
+    ) -> None:
+        if times:
+            raise FormatError(
+                counted(times, what), file=file, where=where, expected="an undamaged log (--strict)"
+            )
+
+
+class Log(ABC):
+    """A recording, open for reading (stateful: damage, notes and beams fill while it is read).
+
+    Attributes:
+        name: the first input's file name.
+        damage: what was wrong, counted.
+        notes: what the user should know about how the log is understood.
+        beams: what became of the beams of the scans yielded so far.
+        disordered: scans and odometry records that came after one of a later stamp.
+        delays: topic -> how much later than stamped its messages were recorded.
+        scans_are: what scans look like in this format, for messages.
+    """
+
+    scans_are = "range scans"
+
+    def __init__(self, sources: Sequence[Source], options: LogOptions) -> None:
+        self.sources = tuple(sources)
+        self.options = options
+        self.name = Path(sources[0].name).name or sources[0].name
+        self.damage: Damage = StrictDamage() if options.strict else Damage()
+        self.notes: list[str] = []
+        self.beams = BeamCounts()
+        self.disordered = 0
+        self.delays: dict[str, Delay] = {}
+        self.laser_pose = options.laser_pose and settled_mount(options.laser_pose)
+
+    @abstractmethod
+    def topics(self) -> list[Topic]:
+        """All topics, in order of first appearance or name."""
+
+    @property
+    def scan_topic(self) -> str | None:
+        """The topic that scans are read from; None when there is none or no obvious one."""
+        try:
+            return self.require_scan_topic().name
+        except (DataError, FormatError):
+            return None
+
+    @property
+    def odom_topic(self) -> str | None:
+        """The topic that odometry is read from; None when there is none or no obvious one."""
+        try:
+            topic = self.find_odom_topic()
+        except DataError:
+            return None
+        return topic.name if topic else None
+
+    @property
+    def scan_count(self) -> int | None:
+        """Scans on the chosen topic, as far as the log tells before it is read."""
+        name = self.scan_topic
+        return next((topic.count for topic in self.topics() if topic.name == name), None)
+
+    @property
+    def record_count(self) -> int | None:
+        """About how many records there will be, for a progress bar."""
+        names = self.scan_topic, self.odom_topic
+        return sum(topic.count for topic in self.topics() if topic.name in names) or None
+
+    def require_scan_topic(self) -> Topic:
+        """The topic of the scans.
+
+        Raises:
+            DataError: none, or several and no --scan-topic.
+        """
+        wanted, name = self.options.scan_topic, self.sources[0].name
+        return choose_scan_topic(self.topics(), wanted, name, self.scans_are)
+
+    def find_odom_topic(self) -> Topic | None:
+        """The topic of the odometry, or None.
+
+        Raises:
+            DataError: several and no --odom-topic, or it does not exist.
+        """
+        return choose_odom_topic(self.topics(), self.options.odom_topic, self.sources[0].name)
+
+    def note(self, text: str) -> None:
+        if text not in self.notes:
+            self.notes.append(text)
+
+    def digests(self) -> dict[str, str]:
+        """File name -> SHA-256 of its bytes, hexadecimal, for every part in the order given."""
+        digests: dict[str, str] = {}
+        for number, source in enumerate(self.sources, start=1):
+            name = Path(source.name).name or source.name
+            with source.path.open("rb") as file:
+                digest = hashlib.file_digest(file, "sha256").hexdigest()
+            digests[f"{name} (part {number})" if name in digests else name] = digest
+        return digests
+
+    def records(self) -> Iterator[Record]:
+        """Odometry and scans in the order of their stamps.
+
+        Records of equal stamps keep the order of the log; a scan that carries its own odometry
+        comes right after it. Ranges follow REP 117. May be called again to read once more.
+
+        Raises:
+            DataError: no scan topic or no obvious one.
+            FormatError: nothing can be read, or the log is damaged and `strict` is set.
+        """
+        self.damage.clear()
+        self.beams, self.disordered, self.delays = BeamCounts(), 0, {}
+        self.require_scan_topic()
+        if self.find_odom_topic() is None:
+            self.note("no odometry: poses come from matching scans alone")
+        scans = 0
+        try:
+            for record in self._in_stamp_order(self._records()):
+                scans += isinstance(record, RangeScan)
+                yield record
+        except OSError as error:
+            raise FormatError(str(error.strerror or error).lower(), file=self.name) from error
+        if not scans:
+            reasons = f" ({'; '.join(self.damage.lines())})" if self.damage.counts else ""
+            raise FormatError(f"not one scan can be read{reasons}", file=self.sources[0].name)
+
+    @abstractmethod
+    def _records(self) -> Iterator[Record]:
+        """The records in roughly the order of their stamps."""
+
+    def _in_stamp_order(self, records: Iterable[Record]) -> Iterator[Record]:
+        """The records sorted by stamp within a window of `REORDER_RECORDS`; equal ones stay.
+
+        A record that comes later than that with a stamp before one already given out is dropped
+        and counted: after a clock was set back, mapcli cannot know which of two moments is meant.
+        A stray stamp in the future harms nobody; it waits for its turn at the end.
+        """
+        waiting = _InOrder()
+        given, latest = -1, dict[type[Record], int]()
+        for record in records:
+            stamp, kind = record.stamp_ns, type(record)
+            if stamp < latest.get(kind, 0):
+                self.disordered += 1
+            else:
+                latest[kind] = stamp
+            if stamp < given:
+                what = f"{_plural(record)} with a stamp that jumps back, dropped"
+                where = f"at {stamp * 1e-9:.3f} s"
+                self.damage.add(what, file=self.sources[0].name, where=where)
+                continue
+            waiting.add(record)
+            if len(waiting) > REORDER_RECORDS:
+                ready = waiting.popleft()
+                given = ready.stamp_ns
+                yield ready
+        yield from waiting
+
+
+class _InOrder(deque[Record]):
+    """Records sorted by stamp, equal ones in the order of their arrival (`add`)."""
+
+    def add(self, record: Record) -> None:
+        if not self or self[-1].stamp_ns <= record.stamp_ns:
+            self.append(record)  # as nearly all come
+        else:
+            self.insert(bisect_right(self, record.stamp_ns, key=_stamp_ns), record)
+
+
+_stamp_ns = attrgetter("stamp_ns")
+
+
+def settled_mount(mount: Mount) -> Mount:
+    """The mount with its yaw rounded as all angles of logs are (`settled_angle`)."""
+    return Mount(replace(mount.pose, theta=settled_angle(mount.pose.theta)), mount.flipped)
+
+
+def describe_mount(topic: str, mount: Mount) -> str:
+    """Where the laser sits, for a person."""
+    pose = mount.pose
+    flipped = "upside down, " if mount.flipped else ""
+    return (
+        f"laser {topic}: mounted {flipped}at x {pose.x:.3f} m, y {pose.y:.3f} m, "
+        f"yaw {math.degrees(pose.theta):.1f} deg"
+    )
+
+
+def _plural(record: Record) -> str:
+    if isinstance(record, RangeScan):
+        return "scans"
+    return "odometry records" if isinstance(record, Odometry) else "poses"

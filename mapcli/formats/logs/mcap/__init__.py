@@ -1,0 +1,1 @@
+"""MCAP files: reading, salvaging what is damaged, writing."""

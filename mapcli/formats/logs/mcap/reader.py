@@ -1,0 +1,248 @@
+"""MCAP logs with ROS 2 messages in CDR, or in JSON of the same shape, as records."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator, Sequence
+from heapq import merge
+from itertools import islice
+from operator import itemgetter
+from typing import Any
+
+from mapcli.errors import DataError
+from mapcli.formats.logs.log import Log, Source, describe_mount
+from mapcli.formats.logs.mcap.container import McapFile
+from mapcli.formats.logs.ros import decode as decode
+from mapcli.formats.logs.ros.decode import LaserScan, Transform
+from mapcli.formats.logs.ros.laser_scan import range_scan
+from mapcli.formats.logs.ros.messages import NANOSECONDS
+from mapcli.formats.logs.ros.robot import Robot, TfOdometry, find_robot
+from mapcli.model.log import Damage, Delay, LogOptions, Role, Topic
+from mapcli.model.scan import Mount, Odometry, RangeScan, Record
+
+ROLES: dict[str, Role] = {
+    "LaserScan": "scan",
+    "Odometry": "odometry",
+    "TFMessage": "tf",
+    "tfMessage": "tf",
+}
+"""Last part of a type's name -> what it is good for."""
+
+JSON_KEYS: dict[str, Role] = {"angle_min": "scan", "child_frame_id": "odometry", "transforms": "tf"}
+"""What gives a JSON message without a schema away."""
+
+DECODERS: dict[tuple[Role, str], Callable[[Any], Any]] = {
+    ("scan", "cdr"): decode.scan_from_cdr,
+    ("odometry", "cdr"): decode.odometry_from_cdr,
+    ("tf", "cdr"): decode.transforms_from_cdr,
+    ("tf_static", "cdr"): decode.transforms_from_cdr,
+    ("scan", "json"): decode.scan_from_json,
+    ("odometry", "json"): decode.odometry_from_json,
+    ("tf", "json"): decode.transforms_from_json,
+    ("tf_static", "json"): decode.transforms_from_json,
+}
+
+LATEST_STAMP_NS = 2**31 * NANOSECONDS
+"""The end of ROS 2's time."""
+
+Decoded = tuple[int, Topic, Any]
+"""Log time, topic, message."""
+
+
+class McapLog(Log):
+    """One recording in one or several MCAP files.
+
+    Raises:
+        FormatError: damaged, and `strict` is set.
+    """
+
+    scans_are = "a topic of sensor_msgs/msg/LaserScan"
+
+    def __init__(self, sources: Sequence[Source], options: LogOptions) -> None:
+        super().__init__(sources, options)
+        self._structure: Damage = type(self.damage)()
+        self._files = [McapFile(source, self._structure) for source in sources]
+        self._topics = topics_of(self._files)
+        self._robot: Robot | None = None
+
+    def topics(self) -> list[Topic]:
+        return list(self._topics)
+
+    def require_scan_topic(self) -> Topic:
+        foreign = [t for t in self._topics if t.role == "other" and role_of_type(t.type) == "scan"]
+        if foreign and not any(topic.role == "scan" for topic in self._topics):
+            raise DataError(
+                f"{foreign[0].name} holds {foreign[0].type} in {foreign[0].encoding}",
+                file=self.sources[0].name,
+                expected=f"{self.scans_are} in cdr or json",
+            )
+        try:
+            return super().require_scan_topic()
+        except DataError as error:
+            error.where = "; ".join(self._structure.lines()) or None
+            raise
+
+    def find_odom_topic(self) -> Topic | None:
+        topic = super().find_odom_topic()
+        if topic is not None and topic.role == "tf" and self.scan_topic is not None:
+            return topic if self._known_robot(topic).odom_frame else None
+        return topic
+
+    def _known_robot(self, odom: Topic | None) -> Robot:
+        """The frames, read ahead of the records."""
+        if self._robot is None:
+            child = self._first(odom, "child") if odom and odom.role == "odometry" else ""
+            frame = self._first(self.require_scan_topic(), "frame")
+            static, moving = self._transforms("tf_static"), self._transforms("tf")
+            self._robot = find_robot(frame, child, static, moving)
+        return self._robot
+
+    def _first(self, topic: Topic, attribute: str) -> str:
+        """A frame's name in the first message of the topic."""
+        for _, _, message in self._messages([topic], Damage()):
+            return str(getattr(message, attribute))
+        return ""
+
+    def _transforms(self, role: Role) -> Iterator[Transform]:
+        topics = [topic for topic in self._topics if topic.role == role]
+        for _, _, message in self._messages(topics, Damage()):
+            yield from message
+
+    def _messages(self, topics: Sequence[Topic], damage: Damage) -> Iterator[Decoded]:
+        """The messages of these topics, decoded, by log time over all files."""
+        parts = [self._decoded(file, topics, damage) for file in self._files]
+        return merge(*parts, key=itemgetter(0)) if len(parts) > 1 else parts[0]
+
+    def _decoded(
+        self, file: McapFile, topics: Sequence[Topic], damage: Damage
+    ) -> Iterator[Decoded]:
+        carried = {
+            number: (topic, DECODERS[topic.role, topic.encoding])
+            for topic in topics
+            for carrier, number in self._topics[topic]
+            if carrier is file
+        }
+        for log_time, number, data in file.messages(set(carried), damage):
+            topic, decoder = carried[number]
+            try:
+                yield log_time, topic, decoder(data)
+            except ValueError:
+                where = f"at {log_time / NANOSECONDS:.3f} s"
+                what = f"messages on {topic.name} without readable content"
+                damage.add(what, file=file.source.name, where=where)
+
+    def _records(self) -> Iterator[Record]:
+        for what, times in self._structure.counts.items():
+            self.damage.add(what, times, where=self._structure.first.get(what))
+        scan, odom = self.require_scan_topic(), self.find_odom_topic()
+        self.delays = {topic.name: Delay() for topic in (scan, odom) if topic is not None}
+        robot = self._known_robot(odom)
+        transforms = TfOdometry(robot) if odom and odom.role == "tf" else None
+        mounts: dict[str, Mount] = {}
+        for log_time, topic, message in self._messages([scan, *filter(None, [odom])], self.damage):
+            if transforms is not None and topic is odom:
+                message = transforms.follow(message)
+                if message is None:
+                    continue
+            stamp = self._stamp(message.stamp_ns, log_time, topic)
+            if stamp is None:
+                continue
+            if topic is not scan:
+                yield Odometry(stamp, message.pose)
+                continue
+            if message.frame not in mounts:
+                mounts[message.frame] = self._mount(robot, message.frame, topic)
+            if record := self._scan(message, stamp, mounts[message.frame], topic):
+                yield record
+
+    def _stamp(self, stamp_ns: int, log_time_ns: int, topic: Topic) -> int | None:
+        """The time that counts, or None for one that cannot be."""
+        if self.options.time_source == "log":
+            stamp_ns = log_time_ns
+        elif stamp_ns == 0:
+            stamp_ns = log_time_ns
+            if log_time_ns:
+                self.note(f"{topic.name}: stamps of 0, the time of recording is used")
+        if 0 <= stamp_ns < LATEST_STAMP_NS:
+            self.delays[topic.name].add(log_time_ns - stamp_ns)
+            return stamp_ns
+        what = f"messages on {topic.name} with an impossible stamp, dropped"
+        self.damage.add(what, file=self.sources[0].name, where=f"at {stamp_ns / NANOSECONDS:g} s")
+        return None
+
+    def _mount(self, robot: Robot, frame: str, topic: Topic) -> Mount:
+        if self.laser_pose is not None:
+            return self.laser_pose
+        try:
+            mount, remark = robot.mount(frame)
+        except DataError as error:
+            raise DataError(
+                error.problem, file=self.sources[0].name, where=topic.name, expected=error.expected
+            ) from error
+        if remark is not None:
+            self.note(f"laser {topic.name}: {remark}")
+        if mount != Mount():
+            self.note(describe_mount(topic.name, mount))
+        return mount
+
+    def _scan(self, message: LaserScan, stamp: int, mount: Mount, topic: Topic) -> RangeScan | None:
+        record = range_scan(
+            message, stamp, mount, self.beams, lambda text: self.note(f"{topic.name}: {text}")
+        )
+        if record is None:
+            kind = "angles" if len(message.ranges) else "beams"
+            self.damage.add(
+                f"scans without {kind}, skipped",
+                file=self.sources[0].name,
+                where=f"at {stamp / NANOSECONDS:.3f} s",
+            )
+        return record
+
+
+def topics_of(files: Sequence[McapFile]) -> dict[Topic, list[tuple[McapFile, int]]]:
+    """The topics of all files by name, with the channels that carry them."""
+    carriers: dict[tuple[str, str, str, Role], list[tuple[McapFile, int]]] = {}
+    for file in files:
+        for number, channel in file.channels.items():
+            schema = file.schemas.get(channel.schema_id)
+            type_name = schema.name if schema else ""
+            role = role_of_channel(file, number, type_name)
+            key = channel.topic, type_name or "no type", channel.message_encoding, role
+            carriers.setdefault(key, []).append((file, number))
+    topics = {}
+    for (name, type_name, encoding, role), channels in sorted(carriers.items(), key=itemgetter(0)):
+        count = sum(file.counts.get(number, 0) for file, number in channels)
+        spans = [file.spans[number] for file, number in channels if number in file.spans]
+        first = min((span[0] for span in spans), default=0)
+        last = max((span[1] for span in spans), default=0)
+        topics[Topic(name, role, type_name, encoding, count, first, last)] = channels
+    return topics
+
+
+def role_of_channel(file: McapFile, number: int, type_name: str) -> Role:
+    """What a channel is good for; `other` if it could be read in another encoding only."""
+    channel = file.channels[number]
+    role = role_of_type(type_name)
+    if not type_name and channel.message_encoding == "json":
+        role = _role_of_json(file, number)
+    if role == "tf" and channel.topic.endswith("tf_static"):
+        role = "tf_static"
+    readable = (role, channel.message_encoding) in DECODERS and "foxglove" not in type_name
+    return role if readable else "other"
+
+
+def role_of_type(type_name: str) -> Role:
+    """By the last part: `sensor_msgs/msg/LaserScan`, `sensor_msgs::msg::dds_::LaserScan_`."""
+    return ROLES.get(re.split(r"[/:.]+", type_name)[-1].rstrip("_"), "other")
+
+
+def _role_of_json(file: McapFile, number: int) -> Role:
+    """By the keys of the channel's first message."""
+    for message in islice(file.messages({number}, Damage()), 1):
+        try:
+            keys = json.loads(bytes(message.data)).keys()
+        except (ValueError, AttributeError, RecursionError):
+            break
+        return next((role for key, role in JSON_KEYS.items() if key in keys), "other")
+    return "other"

@@ -1,0 +1,1 @@
+"""ROS messages, whatever container they come in: decoding, transforms, laser scans."""

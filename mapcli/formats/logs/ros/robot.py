@@ -1,0 +1,125 @@
+"""What the transforms of a log tell about the robot: its frame, the laser's mount, odometry."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from itertools import islice, pairwise
+
+from mapcli.errors import DataError
+from mapcli.formats.logs.ros.decode import OdometryMessage, Transform
+from mapcli.formats.logs.ros.transforms import MAX_TILT_DEG, FrameTree, is_base, is_odom, mount_of
+from mapcli.model.scan import Mount
+
+MOVING_TRANSFORMS = 5000
+"""Transforms of /tf that are looked at to see the frames."""
+
+
+@dataclass(frozen=True)
+class Robot:
+    """The robot's frames, as seen before the records are read.
+
+    Attributes:
+        tree: all of /tf_static, and what it takes of /tf, each frame where it was seen first.
+        frame: what the mounts and the odometry refer to, `base_link`.
+        odom_frame: what /tf measures it in; None if it does not.
+    """
+
+    tree: FrameTree
+    frame: str
+    odom_frame: str | None = None
+
+    def mount(self, laser_frame: str) -> tuple[Mount, str | None]:
+        """The mount of a laser, and what has to be said about it.
+
+        Raises:
+            DataError: the laser does not look along the floor.
+        """
+        motion, remark = self.tree.lookup(self.frame, laser_frame), None
+        if motion is None:
+            base = _first(is_base, self.tree.ancestry(laser_frame))
+            motion = self.tree.lookup(base, laser_frame) if base else None
+            remark = f"mount taken from {base}, as no transform leads to {self.frame!r}"
+        if motion is None or (laser_frame == self.frame and laser_frame not in self.tree):
+            missing = f"no transform from {self.frame!r} to {laser_frame!r}"
+            if self.frame == laser_frame:
+                missing = f"no transform to {laser_frame!r}"
+            return Mount(), f"{missing}: laser assumed at the robot's centre"
+        mount = mount_of(motion)
+        if mount is None:
+            raise DataError(
+                f"the laser {laser_frame!r} is tilted by more than {MAX_TILT_DEG:g} degrees",
+                expected="one that scans along the floor, or --laser-pose",
+            )
+        return mount, remark
+
+
+def find_robot(
+    laser_frame: str, odom_child: str, static: Iterable[Transform], moving: Iterable[Transform]
+) -> Robot:
+    """See which frame is the robot.
+
+    Args:
+        laser_frame: of the scans.
+        odom_child: the child frame of odometry messages; empty where there are none.
+        static, moving: the transforms of /tf_static and /tf. The latter is read as far as needed.
+    """
+    tree = FrameTree()
+    for transform in static:
+        tree.add(transform.parent, transform.child, transform.motion)
+    if odom_child and tree.lookup(odom_child, laser_frame) is not None:
+        return Robot(tree, odom_child)
+    still = set(tree.children())
+    for transform in islice(moving, MOVING_TRANSFORMS):
+        if transform.child not in tree.children():
+            tree.add(transform.parent, transform.child, transform.motion)
+    if odom_child:
+        return Robot(tree, odom_child)
+    return _robot_below_odom(tree, laser_frame, still)
+
+
+def _robot_below_odom(tree: FrameTree, laser_frame: str, still: set[str]) -> Robot:
+    """The robot in a tree that may hold `odom`: the base, or the last frame that moves."""
+    line = tree.ancestry(laser_frame)
+    odom = _first(is_odom, line[1:])
+    if odom is not None:
+        body = line[: line.index(odom)]
+        moving = _first(lambda frame: frame not in still, body)
+        return Robot(tree, _first(is_base, body) or moving or body[-1], odom)
+    # The laser hangs in the air, if at all; look for the robot on its own.
+    bodies = [child for child in tree.children() if is_odom(tree.ancestry(child)[1])]
+    if bodies:
+        body_frame = _first(is_base, bodies) or bodies[0]
+        return Robot(tree, body_frame, tree.ancestry(body_frame)[1])
+    return Robot(tree, _first(is_base, line) or line[-1])
+
+
+class TfOdometry:
+    """Follows the robot along the moving transforms (stateful).
+
+    Args:
+        robot: with an `odom_frame`.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        assert robot.odom_frame is not None
+        self._odom, self._frame = robot.odom_frame, robot.frame
+        self._tree = robot.tree.copy()
+        line = self._tree.ancestry(self._frame)
+        self._parents = dict(pairwise(line[: line.index(self._odom) + 1]))
+
+    def follow(self, transforms: Iterable[Transform]) -> OdometryMessage | None:
+        """Where the robot is after a message; None if it tells nothing about it."""
+        stamp = None
+        for transform in transforms:
+            if self._parents.get(transform.child) == transform.parent:
+                self._tree.add(transform.parent, transform.child, transform.motion)
+                stamp = max(stamp or 0, transform.stamp_ns)
+        motion = self._tree.lookup(self._odom, self._frame)
+        if stamp is None or motion is None:
+            return None
+        return OdometryMessage(stamp, self._odom, self._frame, motion.pose())
+
+
+def _first(condition: Callable[[str], bool], frames: Iterable[str]) -> str | None:
+    return next((frame for frame in frames if condition(frame)), None)

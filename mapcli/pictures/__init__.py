@@ -1,0 +1,1 @@
+"""What one looks at: maps, plans, curves, figures of the book, drawn from records."""

@@ -1,0 +1,149 @@
+"""The part of a map that a floor plan shows, and where its cells fall on the picture."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mapcli.model.grid import GridMap, bands
+from mapcli.pictures.canvas import INK, UNKNOWN, WHITE
+
+USUAL_SIDE, LARGEST_SIDE = 1600, 4000
+"""Pixels of a plan's longer side: what is aimed at, and where reducing begins."""
+
+LARGEST_CELL = 48
+"""Pixels of a cell in the plan of a tiny map."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlanView:
+    """Which cells a plan shows, and where on the picture.
+
+    Attributes:
+        grid: the map.
+        top, left: first row and column shown; may lie outside the map.
+        rows, columns: how many are shown.
+        zoom: pixels per cell: whole, or 1/k for maps that are reduced k-fold.
+        x, y: the picture's pixel where the plan begins.
+    """
+
+    grid: GridMap
+    top: int
+    left: int
+    rows: int
+    columns: int
+    zoom: float
+    x: int = 0
+    y: int = 0
+
+    @property
+    def width(self) -> int:
+        return math.ceil(self.columns * self.zoom)
+
+    @property
+    def height(self) -> int:
+        return math.ceil(self.rows * self.zoom)
+
+    def pixels_of_cells(self, cells: ArrayLike) -> NDArray[np.float64]:
+        """Pixel points (x, y) of fractional (row, column), shape (n, 2)."""
+        rows, columns = np.asarray(cells, dtype=np.float64).reshape(-1, 2).T
+        x = (columns + 0.5 - self.left) * self.zoom + self.x
+        y = (rows + 0.5 - self.top) * self.zoom + self.y
+        return np.column_stack([x, y])
+
+    def pixels_of_world(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pixel points (x, y) of world points, shape (n, 2)."""
+        return self.pixels_of_cells(self.grid.fractional_cells_of_world(points))
+
+
+def view_of(
+    grid: GridMap, path: NDArray[np.float64] | None = None, *, scale: int | None = None,
+    crop: bool = True,
+) -> PlanView:  # fmt: skip
+    """The window on what is known and on the path, with a margin; `scale` is pixels per cell."""
+    top, left, bottom, right = _window(grid, path) if crop else (0, 0, grid.rows, grid.columns)
+    longer = max(bottom - top, right - left)
+    if scale is not None:
+        zoom = float(scale)
+    elif longer > LARGEST_SIDE:
+        zoom = 1.0 / math.ceil(longer / LARGEST_SIDE)
+    else:
+        zoom = float(min(max(round(USUAL_SIDE / longer), 1), LARGEST_CELL))
+    return PlanView(grid, top, left, bottom - top, right - left, zoom)
+
+
+def _window(grid: GridMap, path: NDArray[np.float64] | None) -> tuple[int, int, int, int]:
+    """Top, left, bottom, right of what is to be seen, the latter two one past the last cell."""
+    known = grid.known
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    if rows.size == 0:
+        rows, columns = np.array([0, grid.rows - 1]), np.array([0, grid.columns - 1])
+    if path is not None and len(path):
+        # A path that leaves the map by more than the map's size would leave nothing of the map.
+        reach = max(grid.rows, grid.columns)
+        limit = (grid.rows - 1 + reach, grid.columns - 1 + reach)
+        cells = np.clip(grid.fractional_cells_of_world(path), -reach, limit).round().astype(int)
+        rows, columns = np.append(rows, cells[:, 0]), np.append(columns, cells[:, 1])
+    margin = max(2, round(0.02 * max(np.ptp(rows), np.ptp(columns))))
+    return (
+        int(rows.min()) - margin,
+        int(columns.min()) - margin,
+        int(rows.max()) + margin + 1,
+        int(columns.max()) + margin + 1,
+    )
+
+
+def plan_pixels(view: PlanView) -> NDArray[np.uint8]:
+    """The cells of a view as colours, shape (height, width, 3); walls survive reducing."""
+    factor = max(round(1 / view.zoom), 1)
+    lines = -(-view.rows // factor)
+    colours = np.empty((lines, -(-view.columns // factor), 3), dtype=np.uint8)
+    for band in bands(lines, view.columns * factor):
+        cells = _shown_cells(view, band.start * factor, min(band.stop * factor, view.rows))
+        cells = _pool(cells, factor) if factor > 1 else cells
+        levels = np.where(np.isnan(cells), _UNKNOWN_LEVEL, np.rint(cells * np.float32(100)))
+        colours[band] = _LEVEL_COLOURS[levels.astype(np.uint8)]
+    if view.zoom > 1:
+        colours = colours.repeat(int(view.zoom), axis=1).repeat(int(view.zoom), axis=0)
+    return colours
+
+
+def _shown_cells(view: PlanView, first: int, last: int) -> NDArray[np.float32]:
+    """The cells of the window's rows from `first` to before `last`, shape (rows, columns);
+    outside the map they are unknown."""
+    shown = np.full((last - first, view.columns), np.nan, dtype=np.float32)
+    start = view.top + first
+    top, left = max(start, 0), max(view.left, 0)
+    bottom = min(view.top + last, view.grid.rows)
+    right = min(view.left + view.columns, view.grid.columns)
+    if bottom > top and right > left:
+        part = shown[top - start : bottom - start, left - view.left : right - view.left]
+        part[:] = view.grid.part(top, left, bottom, right).cells
+    return shown
+
+
+def _pool(cells: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
+    """The highest known probability of each block, so that thin walls stay."""
+    rows, columns = (-(-side // factor) for side in cells.shape)
+    pooled = np.full((rows, columns), np.nan, dtype=np.float32)
+    for row, column in np.ndindex(factor, factor):
+        part = cells[row::factor, column::factor]
+        place = pooled[: part.shape[0], : part.shape[1]]
+        np.fmax(place, part, out=place)
+    return pooled
+
+
+_UNKNOWN_LEVEL = np.float32(101)
+
+
+def _level_colours() -> NDArray[np.uint8]:
+    """Open cells white and obstacles dark, with a short ramp where the map is in doubt."""
+    doubt = np.clip((np.arange(101) / 100 - 0.3) / 0.4, 0, 1)[:, None]
+    ramp = np.array(WHITE) * (1 - doubt) + np.array(INK) * doubt
+    return np.vstack([np.rint(ramp), UNKNOWN]).astype(np.uint8)
+
+
+_LEVEL_COLOURS = _level_colours()

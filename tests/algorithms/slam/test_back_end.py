@@ -1,0 +1,238 @@
+"""What is done when the log has ended: the whole way round is put right, and nothing is torn."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from support.looping import (
+    MAP,
+    blind,
+    drifted,
+    laps,
+    log_of,
+    ring,
+    scan_at,
+    see,
+    track_of,
+    worst,
+)
+
+from mapcli.algorithms.slam.back_end import (
+    Finished,
+    RefineParameters,
+    finish,
+    information_of,
+    refine,
+)
+from mapcli.algorithms.slam.keyframes import Track
+from mapcli.algorithms.slam.loop_closure import LoopParameters
+from mapcli.algorithms.slam.pose_graph import Edge
+from mapcli.algorithms.slam.slam import Slam, SlamParameters
+from mapcli.model.pose import Pose2D
+from mapcli.model.scan import RangeScan
+from mapcli.model.trace import TracedPose
+
+ORIGIN = Pose2D()
+
+
+@cache
+def ring_track(drift: float, start: Pose2D = ORIGIN) -> tuple[Track, list[Pose2D]]:
+    """A track of a lap and a half that drifts by so many degrees per metre; the true poses."""
+    world, true = ring(), laps(52)
+    seen = [see(world, pose) for pose in true]
+    away = start.compose(true[0].inverse())
+    tracked = [away.compose(pose) for pose in drifted(true, 1.0, drift)]
+    return track_of(tracked, seen), true
+
+
+def finished(track: Track) -> Finished:
+    return finish(track, MAP, LoopParameters(), RefineParameters())
+
+
+@pytest.mark.parametrize("drift", [0.1, -0.15, 0.2])
+def test_the_whole_way_round_is_put_right(drift: float) -> None:
+    track, true = ring_track(drift)
+    result = finished(track)
+    before = worst(track.poses, true)
+    assert before > 0.45
+    assert len(result.loops) >= 2
+    assert worst(result.poses, true) < before / 8
+    assert len(result.poses) == len(true)
+
+
+def test_the_first_pose_stays_where_it_is() -> None:
+    start = Pose2D(20.0, -7.0, 2.0)
+    track, true = ring_track(0.1, start)
+    result = finished(track)
+    assert result.poses[0] == start
+    assert worst(result.poses, true) < 0.06
+
+
+def test_loops_are_between_scans() -> None:
+    track, true = ring_track(0.1)
+    for loop in finished(track).loops:
+        off = true[loop.from_].between(true[loop.to]).between(loop.pose)
+        assert math.hypot(off.x, off.y) < 0.1
+        assert 0.5 <= loop.score <= 1
+        assert loop.information is not None
+
+
+def test_walls_are_thin_afterwards() -> None:
+    # A map of poses that are half a metre off has walls twice; the one that is made has not.
+    track, true = ring_track(0.2)
+    torn = track_map_cells(track, track.poses)
+    right = track_map_cells(track, [track.poses[0].compose(true[0].between(p)) for p in true])
+    made = int((finished(track).grid.log_odds > 0).sum())
+    assert torn > 1.3 * right
+    assert made < 1.1 * right
+
+
+def track_map_cells(track: Track, poses: list[Pose2D]) -> int:
+    """Occupied cells of the map that these poses make."""
+    one = Slam().map
+    for keyframe in track.keyframes:
+        one.integrate(poses[keyframe.scan], keyframe.perception)
+    return int((one.log_odds > 0).sum())
+
+
+def test_two_runs_give_the_same_bytes() -> None:
+    track, _ = ring_track(0.2)
+    one, other = finished(track), finished(track)
+    assert one.poses == other.poses
+    assert one.loops == other.loops
+    assert one.grid.log_odds.tobytes() == other.grid.log_odds.tobytes()
+
+
+def test_one_scan_is_a_track() -> None:
+    track = track_of([Pose2D(1, 2, 3)], [see(ring(), laps(1)[0])])
+    result = finished(track)
+    assert result.poses == [Pose2D(1, 2, 3)]
+    assert result.loops == ()
+    assert (result.grid.log_odds > 0).any()
+
+
+# --- refinement
+
+
+def test_refinement_takes_the_noise_out_of_poses() -> None:
+    track, true = ring_track(0.0)
+    rng = np.random.default_rng(0)
+    noisy = [pose.compose(Pose2D(*rng.normal(0, [0.03, 0.03, 0.01]).tolist())) for pose in true]
+    noisy[0] = true[0]
+    refined = refine(track, noisy, MAP.resolution, RefineParameters())
+
+    def spread(poses: list[Pose2D]) -> float:
+        return float(np.mean([a.distance(b) for a, b in zip(poses, true, strict=True)]))
+
+    assert spread(refined) < spread(noisy) / 2
+
+
+def test_no_pose_goes_far() -> None:
+    track, true = ring_track(0.0)
+    off = [pose.compose(Pose2D(0.1 * (k % 2))) for k, pose in enumerate(true)]
+    # Without rounds, all scans are fitted once.
+    refined = refine(track, off, MAP.resolution, RefineParameters(rounds=0, farthest_m=0.02))
+    assert max(a.distance(b) for a, b in zip(off, refined, strict=True)) <= 0.02
+    assert refined != off
+
+
+def test_scans_that_are_no_keyframes_are_refined_too() -> None:
+    whole, true = ring_track(0.0)
+    some = [frame for frame in whole.keyframes if frame.scan % 2 == 0]
+    track = replace(whole, keyframes=some)
+    off = [pose.compose(Pose2D(0.03 * (k % 2), 0.0, 0.0)) for k, pose in enumerate(true)]
+    refined = refine(track, off, MAP.resolution, RefineParameters())
+    errors = [a.distance(b) for a, b in zip(refined, true, strict=True)]
+    assert np.mean(errors[1::2]) < 0.01  # of 3 cm
+
+
+def test_a_scan_with_few_points_stays_where_it_is() -> None:
+    whole, true = ring_track(0.0)
+    track = replace(whole, points=list(whole.points))
+    track.points[60] = track.points[60][:4]
+    off = [pose.compose(Pose2D(0.02)) if k == 60 else pose for k, pose in enumerate(true)]
+    refined = refine(track, off, MAP.resolution, RefineParameters(fewest=5))
+    assert refined[60] == off[60]
+
+
+def test_information_is_the_inverse_of_the_covariance() -> None:
+    covariance = np.array([[4.0, 1.0, 0.5], [1.0, 2.0, -0.3], [0.5, -0.3, 1.0]])
+    a, b, c, d, e, f = information_of(Edge(0, 1, Pose2D(), covariance))
+    information = np.array([[a, b, c], [b, d, e], [c, e, f]])
+    assert information @ covariance == pytest.approx(np.eye(3), abs=1e-12)
+
+
+# --- whole runs
+
+
+def run(
+    scans: list[RangeScan], odom: list[Pose2D]
+) -> tuple[Slam, list[TracedPose], Finished | None]:
+    slam = Slam()
+    found = list(slam.replay(log_of(scans, odom)))
+    return slam, found, slam.finish()
+
+
+@cache
+def ring_scans() -> tuple[list[RangeScan], list[Pose2D]]:
+    world, true = ring(), laps(48, 0.25)
+    return [scan_at(world, pose, k) for k, pose in enumerate(true)], true
+
+
+def test_a_run_with_poor_wheels_comes_home() -> None:
+    scans, true = ring_scans()
+    odom = drifted(true, 1.03, 1.0)
+    assert worst(odom, true) > 3
+    _, found, result = run(scans, odom)
+    assert result is not None
+    assert result.loops
+    assert worst(result.poses, true) < 0.02
+    assert worst(result.poses, true) <= worst([traced.pose for traced in found], true)
+
+
+def test_a_blind_hall_on_the_way_tears_nothing() -> None:
+    scans, true = ring_scans()
+    hall = [blind(scan) if 60 <= k < 90 else scan for k, scan in enumerate(scans)]
+    # Over 7.5 m, wheels that drift by 0.3 degrees and count 1 % too much.
+    _, found, result = run(hall, drifted(true, 1.01, 0.3))
+    assert result is not None
+    assert {traced.status for traced in found[60:90]} == {"odometry"}
+    assert worst(result.poses, true) < 0.15
+
+
+def test_a_log_that_never_sees_has_nothing_to_finish() -> None:
+    scans, true = ring_scans()
+    slam, found, result = run([blind(scan) for scan in scans], true)
+    assert result is None
+    assert slam.stretches == 0
+    assert found[0].pose == Pose2D()
+
+
+def test_without_loops_there_is_nothing_to_finish() -> None:
+    scans, true = ring_scans()
+    slam = Slam(SlamParameters(loops=None))
+    list(slam.replay(log_of(scans[:20], true[:20])))
+    assert slam.finish() is None
+    assert slam.track.poses == []
+
+
+@pytest.mark.parametrize("ahead", [50, 90])
+def test_a_kidnapped_robot_keeps_the_map_from_before(ahead: int) -> None:
+    # It is carried on by a third or by two thirds of the way round; the wheels do not notice.
+    scans, true = ring_scans()
+    world, way = ring(), [*true[:80], *true[80 + ahead :]]
+    scans = [scan_at(world, pose, k) for k, pose in enumerate(way)]
+    rest = true[80 + ahead :]
+    odom = [*true[:80], *(true[79].compose(rest[0].between(pose)) for pose in rest)]
+    _, found, result = run(scans, odom)
+    assert result is not None
+    assert worst(result.poses[:80], way[:80]) < 0.03
+    # What comes after is whole in itself, and that something was odd shows in the scores.
+    assert worst(result.poses[90:], way[90:]) < 0.1
+    usual = np.mean([traced.score for traced in found[40:80] if traced.score is not None])
+    odd = [traced.score or 0.0 for traced in found[80:85]]
+    assert min(odd) < 0.85 * usual

@@ -1,0 +1,134 @@
+"""The current map: when it is written to, and what it forgets."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from mapcli.algorithms.scans.perception import Perception
+from mapcli.algorithms.slam.local_map import CurrentMap, CurrentMapParameters
+from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
+from mapcli.model.pose import Pose2D
+
+CELL = 0.25
+MAP = MapParameters(resolution=CELL)
+
+
+def seen(count: int = 8) -> Perception:
+    """A short wall, half a metre to the left."""
+    hits = np.column_stack([np.linspace(-0.2, 0.2, count), np.full(count, 0.6)])
+    return Perception(hits, np.empty((0, 2)), np.zeros(2))
+
+
+def new(**parameters: object) -> CurrentMap:
+    return CurrentMap(OccupancyGrid(MAP), CurrentMapParameters(**parameters))  # type: ignore
+
+
+def remembered(current: CurrentMap, now: float) -> float:
+    """Metres behind a robot that drives along x of which the map knows something."""
+    grid = current.grid.to_grid_map()
+    columns = np.flatnonzero(grid.known.any(axis=0))
+    return now - (grid.origin.x + columns[0] * CELL)
+
+
+FORGETFUL = {"update_m": 1.0, "most_m": 10.0, "least_m": 3.0, "least_updates": 2}
+REACH = 0.2 + CELL
+"""Metres that one scan shows behind the robot, and a cell."""
+
+
+def test_it_forgets_but_never_too_much() -> None:
+    current = new(**FORGETFUL)
+    memory = []
+    for metres in range(40):
+        assert current.update(Pose2D(metres), seen())
+        memory.append(remembered(current, metres))
+    assert max(memory) <= 10 + REACH
+    assert memory[:10] == pytest.approx(range(10), abs=REACH)  # nothing is forgotten before
+    assert min(memory[3:]) >= 3
+    # Each time it has 10 m it goes back to the last 3: at 10, 17, 24, 31 and 38 m.
+    drops = [k for k in range(1, 40) if memory[k] < memory[k - 1]]
+    assert drops == [10, 17, 24, 31, 38]
+
+
+def test_it_has_some_updates_at_least() -> None:
+    current = new(**{**FORGETFUL, "least_m": 1.0, "least_updates": 5})
+    for metres in range(40):
+        current.update(Pose2D(metres), seen())
+        # Of five updates in a row the first is four metres back.
+        assert metres < 4 or remembered(current, metres) >= 4
+
+
+def test_turning_on_the_spot_forgets_nothing() -> None:
+    current = new(**FORGETFUL)
+    for metres in range(9):
+        current.update(Pose2D(metres), seen())
+    for quarter in range(1, 50):
+        assert current.update(Pose2D(8, 0, quarter * math.pi / 2), seen())
+    assert remembered(current, 8) >= 8
+
+
+def test_none_never_forgets() -> None:
+    current = new(update_m=1.0, most_m=None)
+    for metres in range(60):
+        current.update(Pose2D(metres), seen())
+    assert remembered(current, 59) == pytest.approx(59, abs=REACH)
+
+
+def test_what_is_forgotten_leaves_the_rest_as_if_it_had_begun_there() -> None:
+    current, late = new(**FORGETFUL), OccupancyGrid(MAP)
+    for metres in range(13):
+        current.update(Pose2D(metres), seen())
+        if metres >= 7:
+            late.integrate(Pose2D(metres), seen())
+    found, expected = current.grid.to_grid_map(), late.to_grid_map()
+    assert found.origin == expected.origin
+    assert np.array_equal(found.cells, expected.cells, equal_nan=True)
+
+
+def test_frozen_never_changes() -> None:
+    grid = OccupancyGrid(MAP)
+    grid.integrate(Pose2D(), seen())
+    before = grid.log_odds.copy()
+    current = CurrentMap(grid, CurrentMapParameters(frozen=True))
+    for metres in range(40):
+        assert not current.update(Pose2D(metres), seen())
+    assert current.grid is grid
+    assert np.array_equal(grid.log_odds, before)
+
+
+@pytest.mark.parametrize(
+    ("moved", "updated"),
+    [
+        (Pose2D(), False),
+        (Pose2D(0.29), False),
+        (Pose2D(-0.31), True),
+        (Pose2D(0.2, 0.2), False),
+        (Pose2D(0.22, -0.22), True),
+        (Pose2D(0, 0, math.radians(16)), False),
+        (Pose2D(0, 0, math.radians(18)), True),
+        (Pose2D(0, 0, math.radians(-18)), True),
+    ],
+)
+def test_update_distances(moved: Pose2D, updated: bool) -> None:
+    current = new(update_m=0.3, update_deg=17.0)
+    start = Pose2D(3, 4, 3.1)  # turning left from here goes past pi
+    assert current.update(start, seen())
+    before = current.grid.log_odds.copy()
+    assert current.update(start.compose(moved), seen()) == updated
+    assert np.array_equal(current.grid.log_odds, before) != updated
+
+
+def test_small_steps_add_up() -> None:
+    current = new(update_m=0.3)
+    updates = [current.update(Pose2D(0.1001 * k), seen()) for k in range(10)]
+    assert updates == [True, False, False] * 3 + [True]
+
+
+def test_a_scan_of_few_points_does_not_begin_a_map() -> None:
+    current = new(update_m=0.3, fewest=5)
+    assert not current.update(Pose2D(), seen(4))
+    assert not current.update(Pose2D(), seen(0))
+    assert current.update(Pose2D(0.1), seen(5))  # without driving 0.3 m
+    assert not current.update(Pose2D(0.2), seen())
