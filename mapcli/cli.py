@@ -6,19 +6,13 @@ that command is typed; its one-line help lives in the table below.
 
 from __future__ import annotations
 
-import atexit
-import contextlib
-import gc
-import importlib
-import os
 import sys
 from collections.abc import Sequence
-from types import ModuleType
 from typing import NoReturn
 
 import click
 
-from mapcli import __version__
+from mapcli import __version__, startup
 from mapcli.errors import MapcliError, QualityError
 
 COMMANDS = {
@@ -49,18 +43,6 @@ EXIT_UNREAD = 0
 """The reader of our stdout has gone (`| head`); that is no fault of ours."""
 
 
-def imported(name: str) -> ModuleType:
-    """A module; what comes with it will not become garbage, so none is looked for meanwhile."""
-    if name in sys.modules:
-        return sys.modules[name]
-    gc.disable()
-    try:
-        return importlib.import_module(name)
-    finally:
-        gc.freeze()
-        gc.enable()
-
-
 class LazyGroup(click.Group):
     """A group that knows its subcommands' names and imports the one that runs."""
 
@@ -71,7 +53,7 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         name = MODULES.get(cmd_name, cmd_name.replace("-", "_"))
-        command = imported(f"mapcli.commands.{name}").command
+        command = startup.import_module(f"mapcli.commands.{name}").command
         assert isinstance(command, click.Command)
         return command
 
@@ -143,19 +125,13 @@ def main(args: Sequence[str] | None = None) -> None:
 
 
 def run() -> NoReturn:
-    """`main` for a shell, which leaves without tidying up the compiler's many objects: that takes
-    a tenth of a second, and the system frees memory by itself."""
-    # No matrix here is large enough for NumPy's threads, which spin while they wait.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    """`main` for a shell."""
+    startup.keep_blas_single_threaded()
     try:
         main()
     except SystemExit as leaving:
         status = leaving.code if isinstance(leaving.code, int) else 0
-    atexit._run_exitfuncs()
-    for stream in (sys.stdout, sys.stderr):
-        with contextlib.suppress(OSError, ValueError):  # closed, or nobody reads it any more
-            stream.flush()
-    os._exit(status)
+    startup.leave(status)
 
 
 def print_traceback() -> None:

@@ -36,7 +36,7 @@ cli ->
 ALL_ALGORITHMS = "algorithms", "startup", "model"
 """Every room of `algorithms` may import how loops are compiled, and records."""
 
-HEAVY = {"numba", "scipy", "gtsam", "shapely", "rosbags", "mcap", "PIL", "rich", "yaml", "numpy"}
+HEAVY = {"numba", "scipy", "gtsam", "shapely", "rosbags", "mcap", "PIL", "yaml", "numpy"}
 
 
 def rules() -> dict[str, set[str]]:

@@ -2,31 +2,14 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 from numba import njit as njit
 
+from mapcli import startup
 
-@contextmanager
-def _missing(module: str) -> Iterator[None]:
-    """Have a module not found meanwhile, unless it is loaded already."""
-    if module in sys.modules:
-        yield
-        return
-    sys.modules[module] = None  # type: ignore[assignment]
-    try:
-        yield
-    finally:
-        del sys.modules[module]
-
-
-# Before its first loop runs, numba looks whether SciPy's BLAS is there, for `numpy.kron`, which no
-# kernel needs. Looking takes longer than loading all kernels.
-with _missing("scipy.linalg.cython_blas"), suppress(ImportError):
-    import numba.np.arraymath  # noqa: F401
+startup.import_numba_without_scipy()
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
