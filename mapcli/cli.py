@@ -12,8 +12,9 @@ from typing import NoReturn
 
 import click
 
-from mapcli import __version__, startup
+from mapcli import startup
 from mapcli.errors import MapcliError, QualityError
+from mapcli.version import __version__
 
 COMMANDS = {
     "slam-replay": "Turn a robot log into a map and a pose trace (Algorithm 9.2).",

@@ -14,6 +14,7 @@ PACKAGE = Path(__file__).parent.parent / "mapcli"
 RULES = """
 errors ->
 startup ->
+version ->
 model -> errors
 algorithms -> startup
 algorithms.scans -> model
@@ -23,7 +24,7 @@ algorithms.evaluation -> algorithms.slam
 algorithms.maps -> model
 algorithms.simulation -> algorithms.scans algorithms.maps
 algorithms.exploration -> algorithms.maps
-formats -> model
+formats -> model version
 formats.maps -> formats
 formats.logs -> formats
 formats.documents -> formats.maps formats.logs

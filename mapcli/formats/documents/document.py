@@ -10,8 +10,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from mapcli import __version__
 from mapcli.errors import FormatError
+from mapcli.version import __version__
 
 
 def document(

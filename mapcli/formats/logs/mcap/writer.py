@@ -18,10 +18,10 @@ from typing import Any, BinaryIO
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from mapcli import __version__
 from mapcli.errors import DataError
 from mapcli.formats.logs.ros import messages as ros
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record, TruePose
+from mapcli.version import __version__
 
 LATCHED = """\
 - history: 1
