@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 import numpy as np
+from data import find_maps
 
 from mapcli.algorithms.exploration.exploration_parameters import ExploreParameters
 from mapcli.algorithms.exploration.explore import explore
@@ -201,9 +202,12 @@ PARTS: dict[str, Callable[[Path], None]] = {
 
 
 def main() -> None:
+    if len(sys.argv) < 2 or not {*sys.argv[2:]} <= {*PARTS}:
+        sys.exit(f"Error: expected a folder with depot.yaml, then any of {', '.join(PARTS)}")
+    folder = find_maps(Path(sys.argv[1]), ["depot"])["depot"].parent
     for part in sys.argv[2:] or PARTS:
         print(f"\n{part}", flush=True)
-        PARTS[part](Path(sys.argv[1]))
+        PARTS[part](folder)
 
 
 if __name__ == "__main__":

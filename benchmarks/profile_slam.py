@@ -19,6 +19,8 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from data import find_logs
+
 from mapcli.algorithms.slam.slam import Slam
 from mapcli.commands._log_options import LogInput
 from mapcli.commands._replay import Replay
@@ -162,10 +164,9 @@ def main() -> None:
     parser.add_argument("names", nargs="*", help="logs, without .log.gz; all when none is named")
     parser.add_argument("--save", type=Path, help="write the tables to this file too")
     arguments = parser.parse_args()
-    logs = {p.name.removesuffix(".log.gz"): p for p in sorted(arguments.folder.glob("*.log.gz"))}
-    names = arguments.names or list(logs)
+    logs = find_logs(arguments.folder, arguments.names)
     Profile(min(logs.values(), key=lambda path: path.stat().st_size))  # load the compiled loops
-    profiles = {name: Profile(logs[name]) for name in names}
+    profiles = {name: Profile(log) for name, log in logs.items()}
     stages = table(
         ("seconds", "scans", *AROUND, "all"), (p.stage_row(n) for n, p in profiles.items())
     )

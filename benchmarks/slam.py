@@ -10,7 +10,7 @@ is the one that is timed) and then `mapcli evaluate`:
 - against a reference trajectory (`NAME.ref.txt`): ATE, the root mean square distance after the
   best rigid alignment.
 
-Prints a Markdown table; `--save FILE` writes it to a file too.
+Prints a Markdown table; `--save FILE` writes it to a file too. `data.py` says where logs come from.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ import tempfile
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from data import find_logs
 
 MAPCLI = Path(sys.executable).parent / "mapcli"
 
@@ -100,13 +102,12 @@ def main() -> None:
     words = [*sys.argv[1:], "--"]
     ours, theirs = words[: words.index("--")], words[words.index("--") + 1 : -1]
     arguments = parser.parse_args(ours)
+    logs = find_logs(arguments.folder, arguments.names)
     lines = HEAD.splitlines()
     print(HEAD, flush=True)
-    for log in sorted(arguments.folder.glob("*.log.gz")):
-        name = log.name.removesuffix(".log.gz")
-        if not arguments.names or name in arguments.names:
-            lines.append(row(log, name, theirs))
-            print(lines[-1], flush=True)
+    for name, log in logs.items():
+        lines.append(row(log, name, theirs))
+        print(lines[-1], flush=True)
     if arguments.save:
         arguments.save.write_text("\n".join(lines) + "\n")
 
