@@ -10,10 +10,10 @@ import numpy as np
 from mapcli.algorithms.slam.keyframes import Track, bend
 from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopParameters
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
-from mapcli.algorithms.slam.pose_graph import Edge
 from mapcli.algorithms.slam.surfel_map import SurfelMap
 from mapcli.model.pose import Pose2D
-from mapcli.model.trace import Information, Loop
+from mapcli.model.se2_uncertainty import information_from_covariance
+from mapcli.model.trace import Loop
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,13 @@ def finish(
     grid = rebuild(track, poses, map_)
     scans = [track.keyframes[stretch.anchor].scan for stretch in closed.stretches]
     found = tuple(
-        Loop(scans[edge.from_], scans[edge.to], edge.measured, score, information_of(edge))
+        Loop(
+            scans[edge.from_],
+            scans[edge.to],
+            edge.measured,
+            score,
+            information_from_covariance(edge.covariance),
+        )
         for edge, score in zip(closed.loops, closed.scores, strict=True)
     )
     return Finished(poses, grid, found)
@@ -118,10 +124,3 @@ def refit(
         near = start.distance(pose) <= parameters.farthest_m
         refitted.append(pose if near and fitted >= parameters.fewest else start)
     return refitted
-
-
-def information_of(edge: Edge) -> Information:
-    """The inverse of an edge's covariance, its upper triangle."""
-    upper = np.linalg.inv(edge.covariance)[np.triu_indices(3)].tolist()
-    a, b, c, d, e, f = (float(value) for value in upper)
-    return a, b, c, d, e, f

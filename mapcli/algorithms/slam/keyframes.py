@@ -18,8 +18,14 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam.motion_model import OdometryModel
-from mapcli.algorithms.slam.surfel_map import covariance_of
 from mapcli.model.pose import Pose2D, interpolate
+from mapcli.model.se2_uncertainty import (
+    Covariance,
+    InformationMatrix,
+    StandardDeviations,
+    covariance_from_information,
+    moved_covariance,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,7 +43,7 @@ class Keyframe:
     scan: int
     pose: Pose2D
     perception: Perception
-    covariance: NDArray[np.float64]
+    covariance: Covariance
     metres: float
 
 
@@ -72,7 +78,7 @@ class Track:
             self.keyframes[k] = replace(self.keyframes[k], pose=pose, metres=metres)
 
     def add_keyframe(
-        self, perception: Perception, match: NDArray[np.float64] | None, wheels: OdometryModel
+        self, perception: Perception, match: InformationMatrix | None, wheels: OdometryModel
     ) -> None:
         """The last scan is a keyframe; `match` is the information from the map, if any."""
         motion, metres, pose = Pose2D(), 0.0, self.poses[-1]
@@ -83,21 +89,19 @@ class Track:
         self.keyframes.append(Keyframe(len(self.poses) - 1, pose, perception, covariance, metres))
 
 
-TRACKING = 0.015, math.radians(0.15)
+TRACKING = StandardDeviations(0.015, math.radians(0.15))
 """Standard deviations of a tracked pose after a metre, or a turn of a radian, at best."""
 
 
 def step_covariance(
-    motion: Pose2D, match: NDArray[np.float64] | None, wheels: OdometryModel
-) -> NDArray[np.float64]:
+    motion: Pose2D, match: InformationMatrix | None, wheels: OdometryModel
+) -> Covariance:
     """Of a motion from keyframe to keyframe, shape (3, 3): map and wheels together say where the
     robot is, and neither is better than tracking is at best."""
     spread, way = wheels.spread(motion), math.hypot(motion.x, motion.y) + abs(motion.theta)
-    information = np.diag([spread.xy**-2, spread.xy**-2, spread.turn**-2])
-    covariance = covariance_of(information if match is None else information + match)
-    floor: NDArray[np.float64] = max(way, 0.01) * np.diag(
-        [TRACKING[0] ** 2, TRACKING[0] ** 2, TRACKING[1] ** 2]
-    )
+    information = StandardDeviations(spread.xy, spread.turn).information()
+    covariance = covariance_from_information(information if match is None else information + match)
+    floor: Covariance = max(way, 0.01) * TRACKING.covariance()
     return covariance + floor
 
 
@@ -132,21 +136,12 @@ def around(keyframes: list[Keyframe], anchor: int, metres: float) -> range:
     return range(min(first, anchor), max(last, anchor + 1))
 
 
-def covariance_between(keyframes: list[Keyframe], a: int, b: int) -> NDArray[np.float64]:
+def covariance_between(keyframes: list[Keyframe], a: int, b: int) -> Covariance:
     """Of keyframe b's pose as tracked from keyframe a (a < b), shape (3, 3), in b's frame."""
     total, end = np.zeros((3, 3)), keyframes[b].pose
     for keyframe in keyframes[a + 1 : b + 1]:
         total += moved_covariance(keyframe.covariance, end.between(keyframe.pose))
     return total
-
-
-def moved_covariance(covariance: NDArray[np.float64], seen: Pose2D) -> NDArray[np.float64]:
-    """What an error of a pose, `covariance` in its own frame, does to another pose that is
-    rigidly fixed to it and sees it at `seen`; in the other's frame, shape (3, 3)."""
-    cos, sin = math.cos(seen.theta), math.sin(seen.theta)
-    jacobian = np.array([[cos, -sin, seen.y], [sin, cos, -seen.x], [0.0, 0.0, 1.0]])
-    moved: NDArray[np.float64] = jacobian @ covariance @ jacobian.T
-    return moved
 
 
 def bend(track: Track, stretches: list[Stretch], anchors: list[Pose2D]) -> list[Pose2D]:

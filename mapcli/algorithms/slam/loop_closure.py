@@ -21,6 +21,11 @@ from mapcli.algorithms.slam.occupancy_grid import MapParameters
 from mapcli.algorithms.slam.pose_graph import Edge, PoseGraph, Way
 from mapcli.algorithms.slam.submap_matcher import StretchMatch, StretchMatcher, StretchParameters
 from mapcli.model.pose import Pose2D
+from mapcli.model.se2_uncertainty import (
+    StandardDeviations,
+    largest_position_variance,
+    least_position_deviation,
+)
 
 NEWS, NEWS_SHARE = 1.0, 0.05
 """Standard deviations by which a loop contradicts a graph that has to move for it at once; the
@@ -153,8 +158,7 @@ class LoopCloser:
     def _window(self, way: Way) -> tuple[float, float]:
         """Half-widths of where a stretch may be, metres and radians."""
         p, covariance = self.parameters, way.covariance
-        (xx, both, _), (_, yy, _), _ = covariance.tolist()
-        variance = (xx + yy) / 2 + math.hypot((xx - yy) / 2, both)  # in the worst direction
+        variance = largest_position_variance(covariance)
         xy = p.deviations * math.sqrt(variance + (p.drift * way.metres) ** 2)
         turn = p.deviations * math.sqrt(float(covariance[2, 2]))
         return (
@@ -167,7 +171,7 @@ class LoopCloser:
         p, poses = self.parameters, self.graph.poses
         window, predicted = self._window(way), poses[old].between(poses[new])
         a, b = self.stretches[old].anchor, self.stretches[new].anchor
-        deviations = (window[0] / p.deviations, window[1] / p.deviations)
+        deviations = StandardDeviations(window[0] / p.deviations, window[1] / p.deviations)
         match = self.matcher.match(a, b, predicted, window, deviations)
         if match is not None and self._is_good(match):
             self.offer(Edge(old, new, match.pose, match.covariance), match.score)
@@ -175,8 +179,7 @@ class LoopCloser:
     def _is_good(self, match: StretchMatch) -> bool:
         p = self.parameters
         fits = match.score >= p.score and match.overlap >= p.overlap and not match.at_edge
-        least, _ = np.linalg.eigvalsh(match.covariance[:2, :2]).tolist()
-        return fits and math.sqrt(least) < p.doubt
+        return fits and least_position_deviation(match.covariance) < p.doubt
 
     def offer(self, loop: Edge, score: float) -> None:
         """A loop that waits for another one that agrees with it."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.slam.odometry_calibration import CalibrationParameters, OdometryCalibration
 from mapcli.model.pose import Pose2D
+from mapcli.model.se2_uncertainty import StandardDeviations
 
 HIGHEST_SPEED = 5.0
 """Metres per second; odometry that claims more (and more than a metre) has jumped."""
@@ -108,4 +109,6 @@ class DeadReckoning:
         """Compare the last motion with the one that the map shows, see `OdometryCalibration`."""
         if self._counted is not None and information is not None:
             spread = self.model.spread(self._counted)
-            self.calibration.learn(self._counted, found, information, (spread.xy, spread.turn))
+            self.calibration.learn(
+                self._counted, found, information, StandardDeviations(spread.xy, spread.turn)
+            )

@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from mapcli.algorithms.slam.surfel_map import covariance_of
 from mapcli.model.pose import Pose2D, wrap_angle
+from mapcli.model.se2_uncertainty import (
+    InformationMatrix,
+    StandardDeviations,
+    covariance_from_information,
+)
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,8 @@ class OdometryCalibration:
         self,
         counted: Pose2D,
         found: Pose2D,
-        information: NDArray[np.float64],
-        spread: tuple[float, float],
+        information: InformationMatrix,
+        spread: StandardDeviations,
     ) -> None:
         """Compare a counted motion with the one found in the map.
 
@@ -74,9 +75,9 @@ class OdometryCalibration:
         p = self.parameters
         expected = self.correct(counted)
         off, turned = found.distance(expected), abs(wrap_angle(found.theta - expected.theta))
-        if off > p.doubt * spread[0] or turned > p.doubt * spread[1]:
+        if off > p.doubt * spread.xy or turned > p.doubt * spread.theta:
             return
-        covariance = covariance_of(information).tolist()
+        covariance = covariance_from_information(information).tolist()
         # Signs as instruments: squares of what the wheels count would count their noise as well.
         ahead = math.copysign(1, counted.x)
         weight = ahead / (covariance[0][0] + p.floor**2)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import heapq
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import count
@@ -12,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.slam.keyframes import moved_covariance
 from mapcli.model.pose import Pose2D
+from mapcli.model.se2_uncertainty import Covariance, mahalanobis_distance, moved_covariance
 
 DOUBTS = 10.0, 1.0
 """Standard deviations at which a loop's say has halved, from one optimisation to the next."""
@@ -31,7 +30,7 @@ class Edge:
     from_: int
     to: int
     measured: Pose2D
-    covariance: NDArray[np.float64]
+    covariance: Covariance
     metres: float = 0.0
 
     @property
@@ -41,8 +40,7 @@ class Edge:
     def error(self, poses: list[Pose2D]) -> float:
         """Mahalanobis distance, in standard deviations, of what is measured from the poses."""
         off = self.measured.between(poses[self.from_].between(poses[self.to]))
-        vector = np.array([off.x, off.y, off.theta])
-        return math.sqrt(float(vector @ np.linalg.solve(self.covariance, vector)))
+        return mahalanobis_distance(off, self.covariance)
 
 
 @dataclass(eq=False)
@@ -61,10 +59,10 @@ class Way:
     before: Way | None = None
     edge: Edge | None = None
     is_backwards: bool = False
-    _gathered: NDArray[np.float64] | None = None
+    _gathered: Covariance | None = None
 
     @property
-    def covariance(self) -> NDArray[np.float64]:
+    def covariance(self) -> Covariance:
         """Of the last pose as seen from the first, shape (3, 3), in the last one's frame."""
         steps: list[Way] = []
         gathered, way = self._gathered, self
@@ -79,7 +77,7 @@ class Way:
             gathered = step._gathered = step._after(gathered)
         return gathered
 
-    def _after(self, gathered: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _after(self, gathered: Covariance) -> Covariance:
         """The uncertainty after the last step, from that before it."""
         if self.before is None or self.edge is None:
             return gathered

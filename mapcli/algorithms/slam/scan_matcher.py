@@ -35,6 +35,7 @@ from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.scan_points import ScanPoints, points_of, window_box
 from mapcli.model.perception import STEPS, TURNS_DEG
 from mapcli.model.pose import Pose2D
+from mapcli.model.se2_uncertainty import StandardDeviations
 
 FARTHEST_REFINEMENT = 24.0
 """Cells that the refinement may move a point: less than `occupancy.MARGIN`."""
@@ -246,7 +247,7 @@ class _Window:
 
     def _refine(self, near: Pose2D) -> tuple[Pose2D, NDArray[np.float64] | None]:
         """The last millimetres, unless they lead astray."""
-        spread = self.spread.xy, self.spread.turn
+        spread = StandardDeviations(self.spread.xy, self.spread.turn)
         fit = self.grid.walls.fit(self.points.metres, near, self.predicted, spread)
         moved = near.distance(fit.pose) + abs(near.between(fit.pose).theta) * self.points.radius
         trusted = fit.fitted >= self.parameters.fewest and moved < FARTHEST_REFINEMENT * self.cell

@@ -21,8 +21,14 @@ from mapcli.algorithms.slam.keyframes import Keyframe, around
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
 from mapcli.algorithms.slam.scan_points import thinned, window_box
-from mapcli.algorithms.slam.surfel_map import covariance_of
 from mapcli.model.pose import Pose2D
+from mapcli.model.se2_uncertainty import (
+    Covariance,
+    PositionCovariance,
+    StandardDeviations,
+    covariance_from_information,
+    turned_covariance,
+)
 
 TURN_STEP = math.radians(0.5)
 
@@ -77,7 +83,7 @@ class StretchMatch:
     """
 
     pose: Pose2D
-    covariance: NDArray[np.float64]
+    covariance: Covariance
     score: float
     overlap: float
     at_edge: bool
@@ -102,7 +108,7 @@ class StretchMatcher:
         new: int,
         predicted: Pose2D,
         window: tuple[float, float],
-        deviations: tuple[float, float],
+        deviations: StandardDeviations,
     ) -> StretchMatch | None:
         """Look for the surroundings of keyframe `new` in those of `old`.
 
@@ -131,8 +137,8 @@ class StretchMatcher:
         )
         at_edge = max(abs(du), abs(dv)) >= half[0] - EDGE or abs(turn) >= half[1] - EDGE
         doubt = self._doubt(grid, cells, best, (start - best)[:2].round(), half[0])
-        covariance = covariance_of(fit.in_own_frame()) + self._floor()
-        covariance += turned(doubt, -fit.pose.theta)
+        covariance = covariance_from_information(fit.in_own_frame()) + self._floor()
+        covariance += turned_covariance(doubt, -fit.pose.theta)
         return StretchMatch(fit.pose, covariance, score, known / len(cells), at_edge)
 
     def points(self, anchor: int) -> NDArray[np.float64]:
@@ -188,15 +194,15 @@ class StretchMatcher:
                 chosen.append(k)
         return chosen
 
-    def _prior(self, points: int, deviations: tuple[float, float]) -> kernels.Prior:
+    def _prior(self, points: int, deviations: StandardDeviations) -> kernels.Prior:
         """What poses lose that the graph thinks unlikely, see `_kernels.matching.penalty`."""
         most = self.parameters.prior * kernels.FULL * points
         xy, turn = deviations
         return most, 9.0, (self.map.resolution / xy) ** 2, (TURN_STEP / turn) ** 2
 
-    def _floor(self) -> NDArray[np.float64]:
+    def _floor(self) -> Covariance:
         p = self.parameters
-        return np.diag([p.floor**2, p.floor**2, math.radians(p.floor_deg) ** 2])
+        return StandardDeviations(p.floor, math.radians(p.floor_deg)).covariance()
 
     def _doubt(
         self,
@@ -205,7 +211,7 @@ class StretchMatcher:
         best: NDArray[np.float64],
         centre: NDArray[np.float64],
         reach: int,
-    ) -> NDArray[np.float64]:
+    ) -> PositionCovariance:
         """Covariance, shape (2, 2), of the positions in a window, weighted by how they score.
 
         `centre` is the window's, in cells from the best pose.
@@ -224,12 +230,3 @@ class StretchMatcher:
         xx, yy = (weights * x**2).sum() / total, (weights.T * y**2).sum() / total
         xy = (weights * np.outer(y, x)).sum() / total
         return np.array([[xx, xy], [xy, yy]])
-
-
-def turned(covariance: NDArray[np.float64], theta: float) -> NDArray[np.float64]:
-    """A covariance of positions, shape (2, 2), in axes turned by -theta; shape (3, 3)."""
-    cos, sin = math.cos(theta), math.sin(theta)
-    turn = np.array([[cos, -sin], [sin, cos]])
-    full = np.zeros((3, 3))
-    full[:2, :2] = turn @ covariance @ turn.T
-    return full

@@ -8,7 +8,6 @@ cells with their distributions, Biber and Strasser 2003).
 
 from __future__ import annotations
 
-import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -22,6 +21,12 @@ from mapcli.algorithms.slam._kernels.point_to_line_icp import fit_scans
 from mapcli.algorithms.slam._kernels.sparse_grid import BORDER, SHIFT, SIDE
 from mapcli.algorithms.slam.growing_array import grown, too_large
 from mapcli.model.pose import Pose2D, wrap_angle
+from mapcli.model.se2_uncertainty import (
+    UNKNOWN,
+    InformationMatrix,
+    StandardDeviations,
+    information_in_own_frame,
+)
 
 START, START_TILES = 1 << 10, 1 << 7
 """Cells, and tiles of cells, that a new map has room for."""
@@ -31,9 +36,6 @@ SCANS_AT_ONCE = 200
 
 MOST_TILES = 1 << 22
 """16 MB of directory: what 1 km x 1 km at 3 cm would take."""
-
-NO_IDEA = (math.inf, math.inf)
-"""How far off a pose may be, metres and radians, of which odometry says nothing."""
 
 
 @dataclass(frozen=True)
@@ -68,35 +70,12 @@ class Fit:
     """
 
     pose: Pose2D
-    information: NDArray[np.float64]
+    information: InformationMatrix
     fitted: int
 
-    def in_own_frame(self) -> NDArray[np.float64]:
+    def in_own_frame(self) -> InformationMatrix:
         """The information ahead, to the left and in turning, of the fitted pose itself."""
-        c, s = math.cos(self.pose.theta), math.sin(self.pose.theta)
-        (xx, xy, xt), (_, yy, yt), (_, _, tt) = self.information.tolist()
-        ahead = c * c * xx + 2 * c * s * xy + s * s * yy
-        across = s * s * xx - 2 * c * s * xy + c * c * yy
-        both = c * s * (yy - xx) + (c * c - s * s) * xy
-        ahead_turn, across_turn = c * xt + s * yt, c * yt - s * xt
-        return np.array(
-            [[ahead, both, ahead_turn], [both, across, across_turn], [ahead_turn, across_turn, tt]]
-        )
-
-
-def covariance_of(information: NDArray[np.float64], least: float = 1e-4) -> NDArray[np.float64]:
-    """The inverse of a symmetric information matrix, shape (3, 3).
-
-    `least` is information that is there anyway, so that nothing is infinitely uncertain. (Written
-    out, it takes a fifth of the time of a general inverse.)
-    """
-    (a, b, c), (_, d, e), (_, _, f) = information.tolist()
-    a, d, f = a + least, d + least, f + least
-    aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
-    bb, bc, cc = a * f - c * c, b * c - a * e, a * d - b * b
-    inverse = np.array([[aa, ab, ac], [ab, bb, bc], [ac, bc, cc]])
-    inverse /= a * aa + b * ab + c * ac
-    return inverse
+        return information_in_own_frame(self.information, self.pose.theta)
 
 
 class SurfelMap:
@@ -160,7 +139,7 @@ class SurfelMap:
         points: NDArray[np.float64],
         start: Pose2D,
         predicted: Pose2D | None = None,
-        deviations: tuple[float, float] = NO_IDEA,
+        deviations: StandardDeviations = UNKNOWN,
     ) -> Fit:
         """The pose near `start` at which points lie on the walls.
 
@@ -206,7 +185,7 @@ class SurfelMap:
         begin = np.array([(pose.x, pose.y, pose.theta) for pose in starts], np.float64)
         points = np.concatenate(scans).astype(np.float64)
         bounds = np.cumsum([0, *(len(scan) for scan in scans)])
-        poses, _, fitted = self._fit(points, bounds, begin, begin.copy(), NO_IDEA)
+        poses, _, fitted = self._fit(points, bounds, begin, begin.copy(), UNKNOWN)
         return [
             (Pose2D(x, y, wrap_angle(theta)), n)
             for (x, y, theta), n in zip(poses.tolist(), fitted.tolist(), strict=True)
@@ -224,7 +203,7 @@ class SurfelMap:
         bounds: NDArray[np.int64],
         poses: NDArray[np.float64],
         predicted: NDArray[np.float64],
-        deviations: tuple[float, float],
+        deviations: StandardDeviations,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
         """Fit scans, see `fit_scans`: poses, upper triangles of information, points at walls."""
         p, scans = self.parameters, len(poses)
@@ -236,7 +215,7 @@ class SurfelMap:
             bounds,
             poses,
             predicted,
-            (share / deviations[0] ** 2, share / deviations[1] ** 2, p.knee * share),
+            (share / deviations.xy**2, share / deviations.theta**2, p.knee * share),
             (self.cell, p.thickness, p.doubt),
             p.rounds,
             np.empty(len(points), np.int64),

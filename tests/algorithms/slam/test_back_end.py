@@ -25,12 +25,10 @@ from mapcli.algorithms.slam.back_end import (
     Finished,
     RefineParameters,
     finish,
-    information_of,
     refine,
 )
 from mapcli.algorithms.slam.keyframes import Track
 from mapcli.algorithms.slam.loop_closure import LoopParameters
-from mapcli.algorithms.slam.pose_graph import Edge
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan
@@ -157,13 +155,6 @@ def test_a_scan_with_few_points_stays_where_it_is() -> None:
     off = [pose.compose(Pose2D(0.02)) if k == 60 else pose for k, pose in enumerate(true)]
     refined = refine(track, off, MAP.resolution, RefineParameters(fewest=5))
     assert refined[60] == off[60]
-
-
-def test_information_is_the_inverse_of_the_covariance() -> None:
-    covariance = np.array([[4.0, 1.0, 0.5], [1.0, 2.0, -0.3], [0.5, -0.3, 1.0]])
-    a, b, c, d, e, f = information_of(Edge(0, 1, Pose2D(), covariance))
-    information = np.array([[a, b, c], [b, d, e], [c, e, f]])
-    assert information @ covariance == pytest.approx(np.eye(3), abs=1e-12)
 
 
 # --- whole runs

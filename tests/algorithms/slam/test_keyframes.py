@@ -17,7 +17,6 @@ from mapcli.algorithms.slam.keyframes import (
     around,
     bend,
     covariance_between,
-    moved_covariance,
     split,
     step_covariance,
 )
@@ -129,28 +128,6 @@ def as_row(pose: Pose2D) -> list[float]:
     return [pose.x, pose.y, pose.theta]
 
 
-@pytest.mark.parametrize("seen", [Pose2D(), Pose2D(3, 0, 0), Pose2D(-2, 5, 2.5)])
-def test_moved_covariance_by_small_differences(seen: Pose2D) -> None:
-    # b sees a at `seen`; a small error of a carries b along.
-    a = Pose2D(7, -3, 1.2)
-    b = a.compose(seen.inverse())
-    step, columns = 1e-6, []
-    for k in range(3):
-        off = Pose2D(*(step * np.eye(3)[k]).tolist())
-        moved = a.compose(off).compose(a.between(b))
-        columns.append(np.array(as_row(b.between(moved))) / step)
-    jacobian = np.array(columns).T
-    expected = jacobian @ SKEWED @ jacobian.T
-    assert moved_covariance(SKEWED, seen) == pytest.approx(expected, rel=1e-4, abs=1e-8)
-
-
-def test_moved_covariance_by_hand() -> None:
-    # A turn that is uncertain by 0.1 rad moves what is 3 m ahead by 0.3 m to the side.
-    turning = np.diag([0, 0, 0.01])
-    moved = moved_covariance(turning, Pose2D(-3, 0, 0))
-    assert moved == pytest.approx(np.array([[0, 0, 0], [0, 0.09, 0.03], [0, 0.03, 0.01]]))
-
-
 def test_covariance_between_as_if_it_were_drawn() -> None:
     keyframes = [
         Keyframe(k, pose, NOTHING, SKEWED * 0.1 * (k + 1), 0.0)
@@ -179,7 +156,7 @@ def test_without_a_match_a_step_is_as_uncertain_as_the_wheels() -> None:
     motion = Pose2D(0.3, 0.4, 0.1)
     spread, way = WHEELS.spread(motion), 0.5 + 0.1
     expected = np.diag([spread.xy**2, spread.xy**2, spread.turn**2])
-    expected += way * np.diag([TRACKING[0] ** 2, TRACKING[0] ** 2, TRACKING[1] ** 2])
+    expected += way * np.diag([TRACKING.xy**2, TRACKING.xy**2, TRACKING.theta**2])
     assert step_covariance(motion, None, WHEELS) == pytest.approx(expected)
 
 
@@ -187,7 +164,7 @@ def test_a_match_adds_what_it_knows() -> None:
     # Along the corridor the match knows nothing, and the wheels decide; across it is the match.
     motion, match = Pose2D(0.5), np.diag([0.0, 0.01**-2, 0.002**-2])
     found = step_covariance(motion, match, WHEELS)
-    alone, floor = step_covariance(motion, None, WHEELS), 0.5 * TRACKING[0] ** 2
+    alone, floor = step_covariance(motion, None, WHEELS), 0.5 * TRACKING.xy**2
     assert found[0, 0] == pytest.approx(alone[0, 0], rel=0.01)
     assert found[1, 1] == pytest.approx(0.01**2 + floor, rel=0.05)
     assert (np.diag(found) <= np.diag(alone)).all()
@@ -196,7 +173,7 @@ def test_a_match_adds_what_it_knows() -> None:
 def test_no_match_is_better_than_tracking_can_be() -> None:
     exact = np.eye(3) * 1e12
     found = step_covariance(Pose2D(1.0), exact, WHEELS)
-    assert np.sqrt(np.diag(found)) == pytest.approx([TRACKING[0], TRACKING[0], TRACKING[1]])
+    assert np.sqrt(np.diag(found)) == pytest.approx([TRACKING.xy, TRACKING.xy, TRACKING.theta])
     standing = step_covariance(Pose2D(), exact, WHEELS)
     assert (np.linalg.eigvalsh(standing) > 0).all()
 

@@ -10,9 +10,10 @@ import pytest
 from mapcli.algorithms.slam.motion_model import OdometryModel
 from mapcli.algorithms.slam.odometry_calibration import CalibrationParameters, OdometryCalibration
 from mapcli.model.pose import Pose2D
+from mapcli.model.se2_uncertainty import StandardDeviations
 
 SURE = np.diag([0.003**-2, 0.003**-2, math.radians(0.1) ** -2])
-WIDE = 10.0, 10.0
+WIDE = StandardDeviations(10.0, 10.0)
 """A spread that lets everything teach."""
 
 
@@ -28,7 +29,7 @@ def learned(
     true: list[Pose2D],
     factors: tuple[float, float, float] = (1.0, 1.0, 0.0),
     noise: tuple[float, float] = (0.0, 0.0),
-    spread: tuple[float, float] = WIDE,
+    spread: StandardDeviations = WIDE,
     seed: int = 0,
 ) -> OdometryCalibration:
     """Wheels that count `factors` of metres and turns, and radians per metre, and err by noise."""
@@ -115,7 +116,7 @@ def test_outliers_teach_nothing(found: Pose2D) -> None:
     counted, calibration = Pose2D(0.2), OdometryCalibration()
     spread = OdometryModel().spread(counted)
     for _ in range(100):
-        calibration.learn(counted, found, SURE, (spread.xy, spread.turn))
+        calibration.learn(counted, found, SURE, StandardDeviations(spread.xy, spread.turn))
     assert (calibration.metres, calibration.turns, calibration.drift) == (1, 1, 0)
 
 
@@ -123,7 +124,7 @@ def test_a_motion_within_the_doubt_teaches() -> None:
     calibration = OdometryCalibration(CalibrationParameters(doubt=3.0))
     for off, teaches in ((0.029, True), (0.031, False)):
         calibration = OdometryCalibration(CalibrationParameters(doubt=3.0))
-        calibration.learn(Pose2D(0.2), Pose2D(0.2 + off), SURE, (0.01, 1.0))
+        calibration.learn(Pose2D(0.2), Pose2D(0.2 + off), SURE, StandardDeviations(0.01, 1.0))
         assert (calibration.metres != 1) == teaches
 
 

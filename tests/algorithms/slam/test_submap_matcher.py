@@ -11,12 +11,13 @@ from support.looping import MAP, box, laps, ring, see, track_of
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import edges_of
 from mapcli.algorithms.slam.keyframes import Keyframe
-from mapcli.algorithms.slam.submap_matcher import StretchMatcher, StretchParameters, turned
+from mapcli.algorithms.slam.submap_matcher import StretchMatcher, StretchParameters
 from mapcli.model.pose import Pose2D
+from mapcli.model.se2_uncertainty import StandardDeviations
 from mapcli.model.world import World
 
 NOTHING = Perception(np.empty((0, 2)), np.empty((0, 2)), np.zeros(2))
-WINDOW, DEVIATIONS = (1.5, math.radians(12)), (0.5, math.radians(4))
+WINDOW, DEVIATIONS = (1.5, math.radians(12)), StandardDeviations(0.5, math.radians(4))
 OLD, NEW, ELSEWHERE = 30, 119, 63
 """Keyframes of `round_again`: the second is near the first, a lap later; the third is
 half-way along a side, not at a corner as they are."""
@@ -87,7 +88,9 @@ def test_a_fit_at_the_edge_of_the_window_is_told(
 ) -> None:
     # The best pose is this far from the middle of a window of 1.5 m and 12 degrees.
     predicted = seen_from(round_again, OLD, NEW).compose(off.inverse())
-    match = StretchMatcher(round_again, MAP).match(OLD, NEW, predicted, WINDOW, (9.0, 9.0))
+    match = StretchMatcher(round_again, MAP).match(
+        OLD, NEW, predicted, WINDOW, StandardDeviations(9.0, 9.0)
+    )
     assert match is not None
     assert match.at_edge == at_edge
 
@@ -104,7 +107,9 @@ def test_in_a_bare_corridor_it_says_that_it_does_not_know_how_far_along(heading:
     keyframes = track_of(poses, [see(world, pose) for pose in poses]).keyframes
     old, new, window = 10, 30, (1.0, math.radians(5))
     true = seen_from(keyframes, old, new)
-    match = StretchMatcher(keyframes, MAP).match(old, new, true, window, (0.3, 0.02))
+    match = StretchMatcher(keyframes, MAP).match(
+        old, new, true, window, StandardDeviations(0.3, 0.02)
+    )
     assert match is not None
     # In the frame of the one found, which looks back along the corridor, turned by 3 - pi.
     ahead = np.array([math.cos(-3.0), math.sin(-3.0)])
@@ -174,14 +179,3 @@ def test_a_stretch_that_saw_nothing_matches_nothing(round_again: list[Keyframe])
     match = matcher.match(10, 100, Pose2D(), WINDOW, DEVIATIONS)
     assert match is not None
     assert (match.overlap, match.score) == (0, 0)
-
-
-def test_turned_by_hand() -> None:
-    ahead = np.array([[4.0, 0.0], [0.0, 1.0]])
-    expected = np.zeros((3, 3))
-    expected[:2, :2] = [[1.0, 0.0], [0.0, 4.0]]
-    assert turned(ahead, math.pi / 2) == pytest.approx(expected)
-    left = np.array([[2.0, 1.0], [1.0, 3.0]])
-    c, s = math.cos(0.3), math.sin(0.3)
-    turn = np.array([[c, -s], [s, c]])
-    assert turned(left, 0.3)[:2, :2] == pytest.approx(turn @ left @ turn.T)

@@ -10,9 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from mapcli.algorithms.slam import surfel_map as surfels
-from mapcli.algorithms.slam.surfel_map import Fit, SurfelMap, covariance_of
+from mapcli.algorithms.slam.surfel_map import Fit, SurfelMap
 from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
+from mapcli.model.se2_uncertainty import StandardDeviations, covariance_from_information
 
 Floats = NDArray[np.float64]
 CELL = 0.05
@@ -57,7 +58,7 @@ def test_a_room_fixes_a_pose() -> None:
     assert fit.pose.distance(true) < 0.003
     assert abs(fit.pose.theta - true.theta) < math.radians(0.05)
     assert fit.fitted > 0.99 * len(points)
-    deviations = np.sqrt(np.diag(covariance_of(fit.in_own_frame())))
+    deviations = np.sqrt(np.diag(covariance_from_information(fit.in_own_frame())))
     assert (deviations > 0).all()
     assert (deviations < [0.01, 0.01, 0.01]).all()  # 100 points a side, 15 mm each
 
@@ -84,9 +85,9 @@ def test_growing_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_new_points_are_seen() -> None:
     # One wall is no room: only the second one says how far ahead the robot is.
     walls, points, start = map_of(wall((-3, 1), (3, 1))), room(0.06), Pose2D()
-    assert covariance_of(walls.fit(points, start).in_own_frame())[0, 0] > 1
+    assert covariance_from_information(walls.fit(points, start).in_own_frame())[0, 0] > 1
     walls.add(room())
-    assert covariance_of(walls.fit(points, start).in_own_frame())[0, 0] < 0.01**2
+    assert covariance_from_information(walls.fit(points, start).in_own_frame())[0, 0] < 0.01**2
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.5, math.pi / 2, 2.0, -2.5])
@@ -97,7 +98,7 @@ def test_a_corridor_says_nothing_about_how_far_along_it_the_robot_is(heading: fl
     ahead, across = along(fit, heading)
     assert across > 1e4  # better than a centimetre
     assert ahead < 1e-6 * across
-    covariance = covariance_of(fit.in_own_frame())
+    covariance = covariance_from_information(fit.in_own_frame())
     # In the robot's frame the corridor is at `heading` less its own.
     axis = np.array([math.cos(heading - 0.7), math.sin(heading - 0.7)])
     assert axis @ covariance[:2, :2] @ axis > 100  # metres squared: not known at all
@@ -112,26 +113,13 @@ def test_information_in_the_robots_own_frame_by_hand() -> None:
     assert fit.in_own_frame() == pytest.approx(np.array(expected))
 
 
-def test_covariance_as_numpy() -> None:
-    rng = np.random.default_rng(0)
-    for size in (1e-3, 1.0, 1e6):
-        factor = rng.normal(0, math.sqrt(size), (3, 5))
-        information = factor @ factor.T
-        inverse = np.linalg.inv(information + 1e-4 * np.eye(3))
-        assert covariance_of(information) == pytest.approx(inverse, rel=1e-6)
-
-
-def test_what_is_not_known_is_uncertain_but_not_infinitely() -> None:
-    assert covariance_of(np.zeros((3, 3)), least=0.01) == pytest.approx(100 * np.eye(3))
-
-
 @pytest.mark.parametrize("heading", [0.0, 1.1])
 def test_the_prediction_decides_along_a_corridor_and_the_walls_across(heading: float) -> None:
     walls = map_of(corridor(heading))
     frame = Pose2D(0, 0, heading)
     true, predicted = frame.compose(Pose2D(0, 0.03, 0)), frame.compose(Pose2D(0.2, 0, 0.01))
     points = true.inverse().apply(frame.apply(short(frame.inverse().apply(corridor(heading)))))
-    fit = walls.fit(points, true, predicted, (0.1, 0.05))
+    fit = walls.fit(points, true, predicted, StandardDeviations(0.1, 0.05))
     found = frame.between(fit.pose)
     assert found.x == pytest.approx(0.2, abs=2e-3)
     # The walls know to 0.015 / sqrt(0.3 * 160 points) = 2 mm, the prediction to 10 cm.
@@ -154,14 +142,16 @@ def test_without_a_prediction_the_start_is_kept_along_a_corridor() -> None:
 def test_a_prediction_far_away_has_little_say() -> None:
     # 0.5 m are 50 standard deviations: odometry has failed, and the room is right.
     walls, points = map_of(room()), room(0.06)
-    fit = walls.fit(points, Pose2D(0.01, 0.01), Pose2D(0.5, 0.0), (0.01, 0.01))
+    fit = walls.fit(points, Pose2D(0.01, 0.01), Pose2D(0.5, 0.0), StandardDeviations(0.01, 0.01))
     assert fit.pose.distance(Pose2D()) < 0.003
 
 
 def test_a_prediction_on_another_turn_of_the_circle_is_the_same() -> None:
     walls, true = map_of(room()), Pose2D(0.1, 0.1, math.pi - 0.002)
     points = true.inverse().apply(room(0.06))
-    fit = walls.fit(points, true, Pose2D(0.1, 0.1, -math.pi + 0.002), (0.05, 0.05))
+    fit = walls.fit(
+        points, true, Pose2D(0.1, 0.1, -math.pi + 0.002), StandardDeviations(0.05, 0.05)
+    )
     assert fit.pose.distance(true) < 0.003
     assert abs(true.between(fit.pose).theta) < 0.002
 
