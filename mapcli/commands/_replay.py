@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 from itertools import pairwise
 from typing import Any
 
-from mapcli.algorithms.slam.back_end import Finished
+from mapcli.algorithms.slam.back_end import BackEndResult
 from mapcli.algorithms.slam.slam import Slam
 from mapcli.commands._log_options import LogInput
 from mapcli.commands._output import progress, progress_of_steps
@@ -26,7 +26,7 @@ class Replay:
     Attributes:
         log: what is replayed; slam: the algorithm with its map.
         poses: what is known so far.
-        finished: poses and map after the loops were closed; None if there was nothing to close.
+        finalised: poses and map after the loops were closed; None if there was nothing to close.
         interrupted: the user stopped it with Ctrl-C.
         kept: the scans that are to be saved, by number.
     """
@@ -36,7 +36,7 @@ class Replay:
     ) -> None:
         self.log, self.log_input, self.slam = log, log_input, slam
         self.poses: list[TracedPose] = []
-        self.finished: Finished | None = None
+        self.finalised: BackEndResult | None = None
         self.interrupted = False
         self.kept: dict[int, RangeScan] = {}
         self._keep, self._asked = keep, 0
@@ -62,8 +62,8 @@ class Replay:
             raise
         if not self.poses:
             raise DataError("no scan in the part asked for", file=self.log.name)
-        with progress_of_steps("closing loops", self.slam.stretches, quiet=quiet) as report:
-            self.finished = self.slam.finish(report)
+        with progress_of_steps("closing loops", self.slam.submap_count, quiet=quiet) as report:
+            self.finalised = self.slam.finalise(report)
 
     def _counting(self, records: Iterable[Record]) -> Iterator[Record]:
         for record in records:
@@ -75,16 +75,16 @@ class Replay:
 
     def trace(self) -> PoseTrace:
         """The poses, and the loops closed."""
-        if self.finished is None:
+        if self.finalised is None:
             return PoseTrace(tuple(self.poses))
-        improved = zip(self.poses, self.finished.poses, strict=True)
+        improved = zip(self.poses, self.finalised.poses, strict=True)
         poses = tuple(replace(traced, pose=pose) for traced, pose in improved)
         steps = tuple(a.pose.between(b.pose) for a, b in pairwise(self.poses))
-        return PoseTrace(poses, self.finished.loops, steps)
+        return PoseTrace(poses, self.finalised.loops, steps)
 
     def grid(self) -> GridMap:
         """The map."""
-        grid = self.slam.map if self.finished is None else self.finished.grid
+        grid = self.slam.map if self.finalised is None else self.finalised.grid
         return grid.to_grid_map()
 
     def summary(self) -> ReplaySummary:

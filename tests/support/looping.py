@@ -1,4 +1,4 @@
-"""Worlds in which a robot comes back, and tracks through them that drift."""
+"""Worlds in which a robot comes back, and trajectories through them that drift."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import cast, edges_of
-from mapcli.algorithms.slam.keyframes import Track
+from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.motion_model import OdometryModel
 from mapcli.algorithms.slam.occupancy_grid import MapParameters
 from mapcli.algorithms.slam.scan_points import thinned
@@ -22,7 +22,7 @@ from mapcli.model.world import World
 MAP = MapParameters()
 BEAMS, REACH = 180, 8.0
 MATCH = np.diag([0.02**-2, 0.02**-2, math.radians(0.3) ** -2])
-"""The information from the current map on each keyframe of these tracks."""
+"""The information from the current map on each keyframe of these trajectories."""
 
 Edges = NDArray[np.float64]
 
@@ -102,13 +102,13 @@ def drifted(true: list[Pose2D], metres: float, deg_per_m: float) -> list[Pose2D]
     return poses
 
 
-def track_of(tracked: list[Pose2D], seen: list[Perception]) -> Track:
-    """A track of which every scan is a keyframe."""
-    track = Track()
+def trajectory_of(tracked: list[Pose2D], seen: list[Perception]) -> TrackedTrajectory:
+    """A trajectory of which every scan is a keyframe."""
+    trajectory = TrackedTrajectory()
     for pose, perception in zip(tracked, seen, strict=True):
-        track.add(pose, thinned(perception.hits, MAP.resolution))
-        track.add_keyframe(perception, MATCH, OdometryModel())
-    return track
+        trajectory.add(pose, thinned(perception.hits, MAP.resolution))
+        trajectory.add_keyframe(perception, MATCH, OdometryModel())
+    return trajectory
 
 
 def worst(found: list[Pose2D], true: list[Pose2D]) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mapcli.algorithms.slam.keyframes import Track, bend
+from mapcli.algorithms.slam.keyframes import TrackedTrajectory, apply_corrections
 from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopParameters
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
 from mapcli.algorithms.slam.surfel_map import SurfelMap
@@ -34,7 +34,7 @@ class RefineParameters:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Finished:
+class BackEndResult:
     """The result of a run.
 
     Attributes:
@@ -46,21 +46,21 @@ class Finished:
     loops: tuple[Loop, ...] = ()
 
 
-def finish(
-    track: Track,
+def finalise(
+    trajectory: TrackedTrajectory,
     map_: MapParameters,
     loops: LoopParameters,
     refining: RefineParameters,
     progress: Callable[[int], None] = lambda step: None,
-) -> Finished:
-    """Close the loops of a track, refine its poses, make the map."""
-    closed = LoopCloser(track.keyframes, map_, loops).run(progress)
-    poses = bend(track, closed.stretches, closed.anchors)
-    poses = refine(track, poses, map_.resolution, refining)
-    start = track.poses[0].compose(poses[0].inverse())
-    poses = [track.poses[0], *(start.compose(pose) for pose in poses[1:])]
-    grid = rebuild(track, poses, map_)
-    scans = [track.keyframes[stretch.anchor].scan for stretch in closed.stretches]
+) -> BackEndResult:
+    """Close the loops of a trajectory, refine its poses, make the map."""
+    closed = LoopCloser(trajectory.keyframes, map_, loops).run(progress)
+    poses = apply_corrections(trajectory, closed.submaps, closed.origins)
+    poses = refine(trajectory, poses, map_.resolution, refining)
+    start = trajectory.poses[0].compose(poses[0].inverse())
+    poses = [trajectory.poses[0], *(start.compose(pose) for pose in poses[1:])]
+    grid = rebuild(trajectory, poses, map_)
+    scans = [trajectory.keyframes[submap.origin].scan for submap in closed.submaps]
     found = tuple(
         Loop(
             scans[edge.from_],
@@ -71,47 +71,49 @@ def finish(
         )
         for edge, score in zip(closed.loops, closed.scores, strict=True)
     )
-    return Finished(poses, grid, found)
+    return BackEndResult(poses, grid, found)
 
 
-def rebuild(track: Track, poses: list[Pose2D], map_: MapParameters) -> OccupancyGrid:
+def rebuild(
+    trajectory: TrackedTrajectory, poses: list[Pose2D], map_: MapParameters
+) -> OccupancyGrid:
     """The map that the keyframes make at these poses; it has no likelihood field."""
     grid = OccupancyGrid(map_)
-    for keyframe in track.keyframes:
+    for keyframe in trajectory.keyframes:
         grid.integrate(poses[keyframe.scan], keyframe.perception, field=False)
     return grid
 
 
 def refine(
-    track: Track, poses: list[Pose2D], cell: float, parameters: RefineParameters
+    trajectory: TrackedTrajectory, poses: list[Pose2D], cell: float, parameters: RefineParameters
 ) -> list[Pose2D]:
     """Fit every scan to the walls that all keyframes show; the keyframes again and again, until
     they move no longer, and then all scans."""
-    poses, keys = list(poses), [keyframe.scan for keyframe in track.keyframes]
+    poses, keys = list(poses), [keyframe.scan for keyframe in trajectory.keyframes]
     for _ in range(parameters.rounds):
-        walls = walls_of(track, poses, cell)
-        fitted = refit(walls, track, poses, keys, parameters)
+        walls = surfel_map_of(trajectory, poses, cell)
+        fitted = refit(walls, trajectory, poses, keys, parameters)
         moved = [poses[scan].distance(pose) for scan, pose in zip(keys, fitted, strict=True)]
         for scan, pose in zip(keys, fitted, strict=True):
             poses[scan] = pose
         if sum(moved) < parameters.still_m * len(moved):
             break
-    walls = walls_of(track, poses, cell)
-    return refit(walls, track, poses, list(range(len(poses))), parameters)
+    walls = surfel_map_of(trajectory, poses, cell)
+    return refit(walls, trajectory, poses, list(range(len(poses))), parameters)
 
 
-def walls_of(track: Track, poses: list[Pose2D], cell: float) -> SurfelMap:
+def surfel_map_of(trajectory: TrackedTrajectory, poses: list[Pose2D], cell: float) -> SurfelMap:
     """The walls as the keyframes show them."""
     walls = SurfelMap(cell)
-    for keyframe in track.keyframes:
-        points = track.points[keyframe.scan].astype(np.float64)
+    for keyframe in trajectory.keyframes:
+        points = trajectory.points[keyframe.scan].astype(np.float64)
         walls.add(poses[keyframe.scan].apply(points))
     return walls
 
 
 def refit(
     walls: SurfelMap,
-    track: Track,
+    trajectory: TrackedTrajectory,
     poses: list[Pose2D],
     scans: list[int],
     parameters: RefineParameters,
@@ -119,7 +121,7 @@ def refit(
     """Poses of scans fitted to the walls, unless these say too little or lead astray."""
     starts = [poses[scan] for scan in scans]
     refitted = []
-    fits = walls.fit_each([track.points[scan] for scan in scans], starts)
+    fits = walls.fit_each([trajectory.points[scan] for scan in scans], starts)
     for start, (pose, fitted) in zip(starts, fits, strict=True):
         near = start.distance(pose) <= parameters.farthest_m
         refitted.append(pose if near and fitted >= parameters.fewest else start)

@@ -58,7 +58,7 @@ def locate(grid: OccupancyGrid, perception: Perception, parameters: MatchParamet
         kernels.top_level(reach),
     )  # fmt: skip
     best = grid.pose_to_cells(middle) + np.array([du, dv, turn * step])
-    fit = grid.walls.fit(points, grid.pose_from_cells(best))
+    fit = grid.surfels.fit(points, grid.pose_from_cells(best))
     overlap, score, _ = kernels.overlap(
         grid.log_odds, grid.fields[0], points / cell, grid.pose_to_cells(fit.pose)
     )

@@ -1,8 +1,8 @@
-"""What a run of Algorithm 9.2 leaves behind for afterwards: its track, and stretches of it.
+"""What a run of Algorithm 9.2 leaves behind for afterwards: its trajectory, and submaps of it.
 
-A KEYFRAME is a scan that was written into the current map. A STRETCH is some metres of the track,
-rigid as it was tracked, with an ANCHOR keyframe in its middle; stretches are what loops are
-closed between.
+A KEYFRAME is a scan that was written into the current map. A SUBMAP is some metres of the
+trajectory, rigid as it was tracked, with an ORIGIN keyframe in its middle; submaps are what loops
+are closed between.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Keyframe:
 
 
 @dataclass
-class Track:
+class TrackedTrajectory:
     """Every scan's pose and points, and the keyframes among them (stateful: it grows).
 
     Attributes:
@@ -106,34 +106,34 @@ def step_covariance(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
-    """Keyframes `first` to `last`, both included, and the anchor among them."""
+class Submap:
+    """Keyframes `first` to `last`, both included, and the origin among them."""
 
     first: int
     last: int
-    anchor: int
+    origin: int
 
 
-def split(keyframes: list[Keyframe], metres: float) -> list[Stretch]:
-    """Stretches of about so many metres, one after the other."""
+def split(keyframes: list[Keyframe], metres: float) -> list[Submap]:
+    """Submaps of about so many metres, one after the other."""
     starts = [0]
     for k, keyframe in enumerate(keyframes):
         if keyframe.metres - keyframes[starts[-1]].metres >= metres:
             starts.append(k)
-    stretches = []
+    submaps = []
     for first, after in pairwise([*starts, len(keyframes)]):
         middle = (keyframes[first].metres + keyframes[after - 1].metres) / 2
-        anchor = bisect_left(keyframes, middle, first, after - 1, key=lambda k: k.metres)
-        stretches.append(Stretch(first, after - 1, anchor))
-    return stretches
+        origin = bisect_left(keyframes, middle, first, after - 1, key=lambda k: k.metres)
+        submaps.append(Submap(first, after - 1, origin))
+    return submaps
 
 
-def around(keyframes: list[Keyframe], anchor: int, metres: float) -> range:
-    """Keyframes at most so many metres before or after an anchor."""
-    at = keyframes[anchor].metres
+def around(keyframes: list[Keyframe], origin: int, metres: float) -> range:
+    """Keyframes at most so many metres before or after an origin."""
+    at = keyframes[origin].metres
     first = bisect_left(keyframes, at - metres, key=lambda k: k.metres)
     last = bisect_right(keyframes, at + metres, key=lambda k: k.metres)
-    return range(min(first, anchor), max(last, anchor + 1))
+    return range(min(first, origin), max(last, origin + 1))
 
 
 def covariance_between(keyframes: list[Keyframe], a: int, b: int) -> Covariance:
@@ -144,18 +144,20 @@ def covariance_between(keyframes: list[Keyframe], a: int, b: int) -> Covariance:
     return total
 
 
-def bend(track: Track, stretches: list[Stretch], anchors: list[Pose2D]) -> list[Pose2D]:
-    """Every scan's pose when the anchors are moved: between two of them, each has its share."""
-    frames = [track.keyframes[s.anchor] for s in stretches]
+def apply_corrections(
+    trajectory: TrackedTrajectory, submaps: list[Submap], origins: list[Pose2D]
+) -> list[Pose2D]:
+    """Every scan's pose when the origins are moved: between two of them, each has its share."""
+    frames = [trajectory.keyframes[s.origin] for s in submaps]
     scans = [frame.scan for frame in frames]
-    bent = []
-    for scan, pose in enumerate(track.poses):
+    corrected = []
+    for scan, pose in enumerate(trajectory.poses):
         after = min(max(bisect_left(scans, scan), 1), len(scans) - 1)
         if len(scans) == 1 or scan <= scans[0] or scan >= scans[-1]:
             k = 0 if scan <= scans[0] else len(scans) - 1
-            bent.append(anchors[k].compose(frames[k].pose.between(pose)))
+            corrected.append(origins[k].compose(frames[k].pose.between(pose)))
             continue
-        one, other = (anchors[k].compose(frames[k].pose.between(pose)) for k in (after - 1, after))
+        one, other = (origins[k].compose(frames[k].pose.between(pose)) for k in (after - 1, after))
         share = (scan - scans[after - 1]) / (scans[after] - scans[after - 1])
-        bent.append(interpolate(one, other, share))
-    return bent
+        corrected.append(interpolate(one, other, share))
+    return corrected

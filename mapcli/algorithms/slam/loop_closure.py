@@ -1,7 +1,7 @@
 """Closing the loop (Sect. 9.4): the robot comes back, and its map meets the map from before.
 
-Stretches of the track are the poses of a graph. Each new one is looked for in the maps of the old
-ones that it may have come back to, as far as the uncertainty gathered along the graph allows. A
+Submaps of the trajectory are the poses of a graph. Each new one is looked for in the maps of the
+old ones that it may have come back to, as far as the uncertainty gathered along the graph allows. A
 wrong loop is worse than none: a loop must fit well, must not fit elsewhere as well, and must
 agree with another loop beside it, unless the graph knew already where it would be.
 """
@@ -16,10 +16,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from mapcli.algorithms.slam.keyframes import Keyframe, Stretch, covariance_between, split
+from mapcli.algorithms.slam.keyframes import Keyframe, Submap, covariance_between, split
 from mapcli.algorithms.slam.occupancy_grid import MapParameters
-from mapcli.algorithms.slam.pose_graph import Edge, PoseGraph, Way
-from mapcli.algorithms.slam.submap_matcher import StretchMatch, StretchMatcher, StretchParameters
+from mapcli.algorithms.slam.pose_graph import Edge, GraphPath, PoseGraph
+from mapcli.algorithms.slam.submap_matcher import SubmapMatch, SubmapMatcher, SubmapMatchParameters
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import (
     StandardDeviations,
@@ -37,9 +37,9 @@ class LoopParameters:
     """When a place is taken for one from before.
 
     Attributes:
-        stretch_m: metres of track that make one stretch.
+        submap_m: metres of trajectory that make one submap.
         apart_m: metres to be driven before a place can be an old one.
-        near_m: metres between anchors that see the same.
+        near_m: metres between origins that see the same.
         deviations: the window's half-width in standard deviations of the graph.
         window_xy, window_deg: added to it; most_xy, most_deg: its limits.
         drift: how wrong all matches together may be besides, as a share of the way.
@@ -49,7 +49,7 @@ class LoopParameters:
         agree_xy, agree_deg, agree_share, agree_deg_per_m: how well two loops must agree.
     """
 
-    stretch_m: float = 5.0
+    submap_m: float = 5.0
     apart_m: float = 20.0
     near_m: float = 4.0
     deviations: float = 3.0
@@ -66,37 +66,37 @@ class LoopParameters:
     agree_deg: float = 1.0
     agree_share: float = 0.01
     agree_deg_per_m: float = 0.05
-    stretch: StretchParameters = field(default_factory=StretchParameters)
+    submap: SubmapMatchParameters = field(default_factory=SubmapMatchParameters)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Closed:
+class LoopClosureResult:
     """What became of the loops.
 
     Attributes:
-        stretches: of the track; anchors: their anchors' poses, moved.
+        submaps: of the trajectory; origins: their origins' poses, moved.
         loops: between keyframes (numbers of keyframes); scores: of each.
     """
 
-    stretches: list[Stretch]
-    anchors: list[Pose2D]
+    submaps: list[Submap]
+    origins: list[Pose2D]
     loops: list[Edge]
     scores: list[float]
 
 
 class LoopCloser:
-    """One run over a track (stateful: the graph grows)."""
+    """One run over a trajectory (stateful: the graph grows)."""
 
     def __init__(
         self, keyframes: list[Keyframe], map_: MapParameters, parameters: LoopParameters
     ) -> None:
         self.keyframes, self.parameters = keyframes, parameters
-        self.stretches = split(keyframes, parameters.stretch_m)
-        self.matcher = StretchMatcher(keyframes, map_, parameters.stretch)
-        self.graph = PoseGraph([keyframes[s.anchor].pose for s in self.stretches])
-        for k, (a, b) in enumerate(pairwise(s.anchor for s in self.stretches)):
+        self.submaps = split(keyframes, parameters.submap_m)
+        self.matcher = SubmapMatcher(keyframes, map_, parameters.submap)
+        self.graph = PoseGraph([keyframes[s.origin].pose for s in self.submaps])
+        for k, (a, b) in enumerate(pairwise(s.origin for s in self.submaps)):
             self.graph.add(self._chained(k, a, b))
-        self.metres = np.array([keyframes[s.anchor].metres for s in self.stretches])
+        self.metres = np.array([keyframes[s.origin].metres for s in self.submaps])
         self.pending: list[tuple[Edge, float]] = []
         self.closed: list[tuple[Edge, float]] = []
         self._untold = 0  # accepted since the graph was optimised
@@ -108,9 +108,9 @@ class LoopCloser:
         metres = max(other.metres - one.metres, 1e-3)
         return Edge(k, k + 1, one.pose.between(other.pose), covariance, metres)
 
-    def run(self, progress: Callable[[int], None] = lambda stretch: None) -> Closed:
+    def run(self, progress: Callable[[int], None] = lambda submap: None) -> LoopClosureResult:
         """Close all loops, in the order in which the robot came back."""
-        for new in range(len(self.stretches)):
+        for new in range(len(self.submaps)):
             for old, way in self.candidates(new).items():
                 self.compare(old, new, way)
             self.learn(self.accept())
@@ -119,7 +119,7 @@ class LoopCloser:
             self.graph.optimise(is_settled=True)
         self.prune()
         loops = [edge for edge, _ in self.closed]
-        return Closed(self.stretches, self.graph.poses, loops, [s for _, s in self.closed])
+        return LoopClosureResult(self.submaps, self.graph.poses, loops, [s for _, s in self.closed])
 
     def learn(self, accepted: list[Edge]) -> None:
         """Optimise the graph, unless loops only tell what many before have told."""
@@ -131,12 +131,12 @@ class LoopCloser:
             self.graph.optimise(is_settled=not is_news)
             self._untold = 0
 
-    def candidates(self, new: int) -> dict[int, Way]:
-        """Old stretches where the robot may be again: the nearest of each visit, unless a short
+    def candidates(self, new: int) -> dict[int, GraphPath]:
+        """Old submaps where the robot may be again: the nearest of each visit, unless a short
         way through the graph leads there, so that nothing would be learned."""
         p = self.parameters
         near = self._near(new)
-        ways = self.graph.ways_from(new, near)
+        ways = self.graph.shortest_paths(new, near)
         nearest: list[int] = []
         for k, distance in near.items():
             if distance >= p.near_m + self._window(ways[k])[0]:
@@ -147,7 +147,7 @@ class LoopCloser:
         return {k: ways[k] for k in far[: p.candidates]}
 
     def _near(self, new: int) -> dict[int, float]:
-        """Old stretches that may be candidates, with their distances, the nearest first."""
+        """Old submaps that may be candidates, with their distances, the nearest first."""
         p, here = self.parameters, self.graph.poses[new]
         old = int(np.searchsorted(self.metres, self.metres[new] - p.apart_m, side="right"))
         distances = np.hypot(*(self.graph.positions()[:old] - (here.x, here.y)).T)
@@ -155,8 +155,8 @@ class LoopCloser:
         near = near[np.argsort(distances[near], kind="stable")]
         return dict(zip(near.tolist(), distances[near].tolist(), strict=True))
 
-    def _window(self, way: Way) -> tuple[float, float]:
-        """Half-widths of where a stretch may be, metres and radians."""
+    def _window(self, way: GraphPath) -> tuple[float, float]:
+        """Half-widths of where a submap may be, metres and radians."""
         p, covariance = self.parameters, way.covariance
         variance = largest_position_variance(covariance)
         xy = p.deviations * math.sqrt(variance + (p.drift * way.metres) ** 2)
@@ -166,17 +166,17 @@ class LoopCloser:
             min(math.radians(p.window_deg) + turn, math.radians(p.most_deg)),
         )
 
-    def compare(self, old: int, new: int, way: Way) -> None:
-        """Look for a stretch in an old one's map; a good match waits for agreement."""
+    def compare(self, old: int, new: int, way: GraphPath) -> None:
+        """Look for a submap in an old one's map; a good match waits for agreement."""
         p, poses = self.parameters, self.graph.poses
         window, predicted = self._window(way), poses[old].between(poses[new])
-        a, b = self.stretches[old].anchor, self.stretches[new].anchor
+        a, b = self.submaps[old].origin, self.submaps[new].origin
         deviations = StandardDeviations(window[0] / p.deviations, window[1] / p.deviations)
         match = self.matcher.match(a, b, predicted, window, deviations)
         if match is not None and self._is_good(match):
             self.offer(Edge(old, new, match.pose, match.covariance), match.score)
 
-    def _is_good(self, match: StretchMatch) -> bool:
+    def _is_good(self, match: SubmapMatch) -> bool:
         p = self.parameters
         fits = match.score >= p.score and match.overlap >= p.overlap and not match.at_edge
         return fits and least_position_deviation(match.covariance) < p.doubt
@@ -204,11 +204,11 @@ class LoopCloser:
         self.pending = [one for one in self.pending if one[0] not in agreed]
         return [edge for edge, _ in taken]
 
-    def _beside(self, stretch: int) -> Iterator[Edge]:
-        """Loops of the stretches just before."""
+    def _beside(self, submap: int) -> Iterator[Edge]:
+        """Loops of the submaps just before."""
         p = self.parameters
-        for k in range(stretch - 1, -1, -1):
-            if self.metres[stretch] - self.metres[k] > p.apart_m + p.stretch_m:
+        for k in range(submap - 1, -1, -1):
+            if self.metres[submap] - self.metres[k] > p.apart_m + p.submap_m:
                 break
             yield from self._loops_to[k]
 
@@ -226,8 +226,8 @@ class LoopCloser:
         turn = math.radians(p.agree_deg + p.agree_deg_per_m * (new + old))
         return far and abs(off.theta) <= turn
 
-    def _tracked(self, stretch: int) -> Pose2D:
-        return self.keyframes[self.stretches[stretch].anchor].pose
+    def _tracked(self, submap: int) -> Pose2D:
+        return self.keyframes[self.submaps[submap].origin].pose
 
     def prune(self) -> None:
         """Let go of loops that the others contradict in the end."""

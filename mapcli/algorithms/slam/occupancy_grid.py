@@ -83,7 +83,7 @@ class OccupancyGrid:
         self.parameters = parameters or MapParameters()
         self.log_odds = np.zeros((0, 0), dtype=np.int16)
         self.fields = np.zeros((len(LEVEL_WIDTHS), 0, 0), dtype=np.uint8)
-        self.walls = SurfelMap(self.parameters.resolution)
+        self.surfels = SurfelMap(self.parameters.resolution)
         self._bump = self.parameters.bump()
         self._u0 = self._v0 = 0
         self._base = np.zeros(2)  # where cell (0, 0) would be, in the world
@@ -120,7 +120,7 @@ class OccupancyGrid:
             raise DataError("no occupied cell", expected="a map with walls")
         grid.make_field()
         corner = np.array([grid._u0, grid._v0]) + 0.5
-        grid.walls.add((walls[:, ::-1] + corner) * known.resolution + grid._base)
+        grid.surfels.add((walls[:, ::-1] + corner) * known.resolution + grid._base)
         return grid
 
     def to_cells(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -205,7 +205,7 @@ class OccupancyGrid:
         if len(beams) == 1:
             return
         ends, cells, touched = self._place(pose, beams)
-        self.walls.add(ends[:hits])
+        self.surfels.add(ends[:hits])
         changed = self._write(cells, hits, touched)
         if field:
             update_field(self.fields, LEVEL_WIDTHS, self.log_odds, changed, self._bump)

@@ -44,7 +44,7 @@ class Edge:
 
 
 @dataclass(eq=False)
-class Way:
+class GraphPath:
     """The shortest way through the graph from one pose to another (stateful: the uncertainty on
     it is gathered when it is asked for, which it seldom is).
 
@@ -56,7 +56,7 @@ class Way:
 
     metres: float
     pose: Pose2D
-    before: Way | None = None
+    before: GraphPath | None = None
     edge: Edge | None = None
     is_backwards: bool = False
     _gathered: Covariance | None = None
@@ -64,7 +64,7 @@ class Way:
     @property
     def covariance(self) -> Covariance:
         """Of the last pose as seen from the first, shape (3, 3), in the last one's frame."""
-        steps: list[Way] = []
+        steps: list[GraphPath] = []
         gathered, way = self._gathered, self
         while gathered is None:
             steps.append(way)
@@ -122,12 +122,14 @@ class PoseGraph:
             self._positions = np.array([(pose.x, pose.y) for pose in self.poses])
         return self._positions
 
-    def ways_from(self, start: int, wanted: Iterable[int] | None = None) -> dict[int, Way]:
+    def shortest_paths(
+        self, start: int, wanted: Iterable[int] | None = None
+    ) -> dict[int, GraphPath]:
         """The shortest ways to the wanted poses and some others, or to all (Dijkstra)."""
-        ways: dict[int, Way] = {}
+        ways: dict[int, GraphPath] = {}
         missing = set(range(len(self.poses)) if wanted is None else wanted)
         order = count()  # ties are decided by what was found first
-        waiting = [(0.0, next(order), start, Way(0.0, self.poses[start]))]
+        waiting = [(0.0, next(order), start, GraphPath(0.0, self.poses[start]))]
         while missing and waiting:
             metres, _, node, way = heapq.heappop(waiting)
             if node in ways:
@@ -139,7 +141,7 @@ class PoseGraph:
                 other = edge.from_ if backwards else edge.to
                 if other not in ways:
                     length = metres + (edge.metres or self.LOOP_METRES)
-                    longer = Way(length, self.poses[other], way, edge, backwards)
+                    longer = GraphPath(length, self.poses[other], way, edge, backwards)
                     heapq.heappush(waiting, (length, next(order), other, longer))
         return ways
 

@@ -248,7 +248,7 @@ class _Window:
     def _refine(self, near: Pose2D) -> tuple[Pose2D, NDArray[np.float64] | None]:
         """The last millimetres, unless they lead astray."""
         spread = StandardDeviations(self.spread.xy, self.spread.turn)
-        fit = self.grid.walls.fit(self.points.metres, near, self.predicted, spread)
+        fit = self.grid.surfels.fit(self.points.metres, near, self.predicted, spread)
         moved = near.distance(fit.pose) + abs(near.between(fit.pose).theta) * self.points.radius
         trusted = fit.fitted >= self.parameters.fewest and moved < FARTHEST_REFINEMENT * self.cell
         return (fit.pose, fit.in_own_frame()) if trusted else (near, None)

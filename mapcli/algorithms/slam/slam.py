@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
-from mapcli.algorithms.slam.back_end import Finished, RefineParameters, finish
+from mapcli.algorithms.slam.back_end import BackEndResult, RefineParameters, finalise
 from mapcli.algorithms.slam.global_localization import locate
-from mapcli.algorithms.slam.keyframes import Track
+from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.local_map import CurrentMap, CurrentMapParameters
 from mapcli.algorithms.slam.loop_closure import LoopParameters
 from mapcli.algorithms.slam.match import Lately, Match, MatchParameters
@@ -62,7 +62,7 @@ class Slam:
         current: m, the current map, and when it is updated.
         pose: c, the current position; the first scan is taken at the start pose.
         odometry: what the wheels say; faults: whether they can be believed.
-        track: all poses until now.
+        trajectory: all poses until now.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Slam:
         self.faults = WheelFaults(p.faults)
         # A map that remembers old laps is at odds with the right pose as well.
         self._tells_faults = p.match.search == "window" and p.current.most_m is not None
-        self.track = Track()
+        self.trajectory = TrackedTrajectory()
         self._lately, self._has_begun = Lately(0.9), False
 
     @property
@@ -142,23 +142,23 @@ class Slam:
         """Keep what is needed when the log has ended."""
         if self.parameters.loops is None:
             return
-        self.track.amend(self.faults.way)
-        self.track.add(pose, points_of(perception, self.parameters.map.resolution).metres)
+        self.trajectory.amend(self.faults.way)
+        self.trajectory.add(pose, points_of(perception, self.parameters.map.resolution).metres)
         if in_map:
-            self.track.add_keyframe(perception, match.information, self.parameters.odometry)
+            self.trajectory.add_keyframe(perception, match.information, self.parameters.odometry)
 
     @property
-    def stretches(self) -> int:
-        """About how many stretches of track `finish` will look at."""
-        loops, keyframes = self.parameters.loops, self.track.keyframes
-        return 1 + int(keyframes[-1].metres / loops.stretch_m) if loops and keyframes else 0
+    def submap_count(self) -> int:
+        """About how many submaps `finalise` will look at."""
+        loops, keyframes = self.parameters.loops, self.trajectory.keyframes
+        return 1 + int(keyframes[-1].metres / loops.submap_m) if loops and keyframes else 0
 
-    def finish(self, progress: Callable[[int], None] = lambda step: None) -> Finished | None:
+    def finalise(self, progress: Callable[[int], None] = lambda step: None) -> BackEndResult | None:
         """Close the loops and refine all poses; None if there is nothing to improve.
 
-        `progress` is called with the number of each stretch of track that was looked at.
+        `progress` is called with the number of each submap that was looked at.
         """
         p = self.parameters
-        if p.loops is None or not self.track.keyframes:
+        if p.loops is None or not self.trajectory.keyframes:
             return None
-        return finish(self.track, p.map, p.loops, p.refine, progress)
+        return finalise(self.trajectory, p.map, p.loops, p.refine, progress)

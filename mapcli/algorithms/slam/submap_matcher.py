@@ -1,7 +1,7 @@
-"""Finding one stretch of the track in the map that another one made: the measurement of a loop.
+"""Finding one submap in the map that another one made: the measurement of a loop.
 
-The points of some metres of track, taken together, are far less ambiguous than one scan. They are
-searched for in a wide window by branch and bound, fitted to the walls, and then asked what else
+The points of some metres of trajectory, taken together, are far less ambiguous than one scan. They
+are searched for in a wide window by branch and bound, fitted to the walls, and then asked what else
 would have fitted (Olson 2009: a match is as uncertain as the poses that score nearly as much).
 """
 
@@ -40,18 +40,18 @@ EDGE = 2
 
 
 @dataclass(frozen=True)
-class StretchParameters:
-    """How stretches are compared.
+class SubmapMatchParameters:
+    """How submaps are compared.
 
     Attributes:
-        points_m, map_m: metres before and after an anchor whose points, or whose map, are taken.
+        points_m, map_m: metres before and after an origin whose points, or whose map, are taken.
         farthest: metres from the robot to what counts.
         apart_m, apart_deg: keyframes nearer to the last one taken than both are left out.
         search_cell, cell: metres between points that are searched for, and that are fitted.
         prior: the most that a pose loses by being unlikely, as a share of a perfect score.
         nearly: poses that score this much less, as a share of a perfect score, are e times less
             likely.
-        floor, floor_deg: how far off a match may be besides, metres and degrees: the stretches
+        floor, floor_deg: how far off a match may be besides, metres and degrees: the submaps
             themselves are a little bent.
         maps: how many maps are kept for the next comparison.
     """
@@ -71,12 +71,12 @@ class StretchParameters:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class StretchMatch:
-    """Where a stretch was found in another's map.
+class SubmapMatch:
+    """Where a submap was found in another's map.
 
     Attributes:
-        pose: the one's anchor as seen from the other's.
-        covariance: of it, shape (3, 3), in the found anchor's frame.
+        pose: the one's origin as seen from the other's.
+        covariance: of it, shape (3, 3), in the found origin's frame.
         score: agreement of the points that the map knows something about, 0 to 1.
         overlap: the share of the points that it knows something about.
         at_edge: the best fit is at the edge of the window, so a better one may lie outside.
@@ -89,17 +89,17 @@ class StretchMatch:
     at_edge: bool
 
 
-class StretchMatcher:
-    """Compares stretches of a track (stateful: keeps some of their maps)."""
+class SubmapMatcher:
+    """Compares submaps of a trajectory (stateful: keeps some of their maps)."""
 
     def __init__(
         self,
         keyframes: list[Keyframe],
         map_: MapParameters,
-        parameters: StretchParameters | None = None,
+        parameters: SubmapMatchParameters | None = None,
     ) -> None:
         self.keyframes, self.map = keyframes, map_
-        self.parameters = parameters or StretchParameters()
+        self.parameters = parameters or SubmapMatchParameters()
         self._maps: OrderedDict[int, OccupancyGrid] = OrderedDict()
 
     def match(
@@ -109,7 +109,7 @@ class StretchMatcher:
         predicted: Pose2D,
         window: tuple[float, float],
         deviations: StandardDeviations,
-    ) -> StretchMatch | None:
+    ) -> SubmapMatch | None:
         """Look for the surroundings of keyframe `new` in those of `old`.
 
         Args:
@@ -131,7 +131,7 @@ class StretchMatcher:
             self._prior(len(cells), deviations), kernels.top_level(half[0]),
         )  # fmt: skip
         best = start + np.array([du, dv, turn * TURN_STEP])
-        fit = grid.walls.fit(points, grid.pose_from_cells(best))
+        fit = grid.surfels.fit(points, grid.pose_from_cells(best))
         known, score, _ = kernels.overlap(
             grid.log_odds, grid.fields[0], cells, grid.pose_to_cells(fit.pose)
         )
@@ -139,33 +139,33 @@ class StretchMatcher:
         doubt = self._doubt(grid, cells, best, (start - best)[:2].round(), half[0])
         covariance = covariance_from_information(fit.in_own_frame()) + self._floor()
         covariance += turned_covariance(doubt, -fit.pose.theta)
-        return StretchMatch(fit.pose, covariance, score, known / len(cells), at_edge)
+        return SubmapMatch(fit.pose, covariance, score, known / len(cells), at_edge)
 
-    def points(self, anchor: int) -> NDArray[np.float64]:
+    def points(self, origin: int) -> NDArray[np.float64]:
         """What was seen around a keyframe, shape (n, 2), in its frame."""
-        p, origin = self.parameters, self.keyframes[anchor].pose
+        p, at = self.parameters, self.keyframes[origin].pose
         seen = [
-            origin.between(self.keyframes[k].pose).apply(self._near(k).hits)
-            for k in self._some(anchor, p.points_m)
+            at.between(self.keyframes[k].pose).apply(self._near(k).hits)
+            for k in self._some(origin, p.points_m)
         ]
         return thinned(np.concatenate(seen), p.cell)
 
-    def map_around(self, anchor: int, room: NDArray[np.float64] | None = None) -> OccupancyGrid:
+    def map_around(self, origin: int, room: NDArray[np.float64] | None = None) -> OccupancyGrid:
         """The map that was made around a keyframe, in its frame; it holds a box as well, the
         lowest and the highest (x, y)."""
-        grid = self._maps.pop(anchor, None) or self._make_map(anchor, room)
+        grid = self._maps.pop(origin, None) or self._make_map(origin, room)
         if room is not None:
             grid.cover(*room)
-        self._maps[anchor] = grid
+        self._maps[origin] = grid
         if len(self._maps) > self.parameters.maps:
             self._maps.popitem(last=False)
         return grid
 
-    def _make_map(self, anchor: int, room: NDArray[np.float64] | None) -> OccupancyGrid:
+    def _make_map(self, origin: int, room: NDArray[np.float64] | None) -> OccupancyGrid:
         """`map_around`, which has room for the box from the start, so that it need not grow."""
-        grid, origin = OccupancyGrid(self.map), self.keyframes[anchor].pose
-        chosen = self._some(anchor, self.parameters.map_m)
-        poses = [origin.between(self.keyframes[k].pose) for k in chosen]
+        grid, at = OccupancyGrid(self.map), self.keyframes[origin].pose
+        chosen = self._some(origin, self.parameters.map_m)
+        poses = [at.between(self.keyframes[k].pose) for k in chosen]
         seen = [self._near(k) for k in chosen]
         ends = [pose.apply(one.hits) for pose, one in zip(poses, seen, strict=True)]
         held = np.concatenate(ends if room is None else [*ends, room])
@@ -182,15 +182,15 @@ class StretchMatcher:
         hits = seen.hits[(seen.hits**2).sum(axis=1) <= farthest**2]
         return Perception(hits, np.empty((0, 2)), seen.laser)
 
-    def _some(self, anchor: int, metres: float) -> list[int]:
-        """Keyframes around an anchor, as many as it takes to see everything there."""
+    def _some(self, origin: int, metres: float) -> list[int]:
+        """Keyframes around an origin, as many as it takes to see everything there."""
         p = self.parameters
         chosen: list[int] = []
-        for k in around(self.keyframes, anchor, metres):
+        for k in around(self.keyframes, origin, metres):
             last = self.keyframes[chosen[-1] if chosen else k].pose
             step = last.between(self.keyframes[k].pose)
             far = math.hypot(step.x, step.y) >= p.apart_m
-            if not chosen or k == anchor or far or abs(step.theta) >= math.radians(p.apart_deg):
+            if not chosen or k == origin or far or abs(step.theta) >= math.radians(p.apart_deg):
                 chosen.append(k)
         return chosen
 

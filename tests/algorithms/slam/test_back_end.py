@@ -17,17 +17,17 @@ from support.looping import (
     ring,
     scan_at,
     see,
-    track_of,
+    trajectory_of,
     worst,
 )
 
 from mapcli.algorithms.slam.back_end import (
-    Finished,
+    BackEndResult,
     RefineParameters,
-    finish,
+    finalise,
     refine,
 )
-from mapcli.algorithms.slam.keyframes import Track
+from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.loop_closure import LoopParameters
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.model.pose import Pose2D
@@ -38,24 +38,24 @@ ORIGIN = Pose2D()
 
 
 @cache
-def ring_track(drift: float, start: Pose2D = ORIGIN) -> tuple[Track, list[Pose2D]]:
-    """A track of a lap and a half that drifts by so many degrees per metre; the true poses."""
+def ring_trajectory(drift: float, start: Pose2D = ORIGIN) -> tuple[TrackedTrajectory, list[Pose2D]]:
+    """A trajectory of a lap and a half that drifts by so many degrees per metre; the true poses."""
     world, true = ring(), laps(52)
     seen = [see(world, pose) for pose in true]
     away = start.compose(true[0].inverse())
     tracked = [away.compose(pose) for pose in drifted(true, 1.0, drift)]
-    return track_of(tracked, seen), true
+    return trajectory_of(tracked, seen), true
 
 
-def finished(track: Track) -> Finished:
-    return finish(track, MAP, LoopParameters(), RefineParameters())
+def finished(trajectory: TrackedTrajectory) -> BackEndResult:
+    return finalise(trajectory, MAP, LoopParameters(), RefineParameters())
 
 
 @pytest.mark.parametrize("drift", [0.1, -0.15, 0.2])
 def test_the_whole_way_round_is_put_right(drift: float) -> None:
-    track, true = ring_track(drift)
-    result = finished(track)
-    before = worst(track.poses, true)
+    trajectory, true = ring_trajectory(drift)
+    result = finished(trajectory)
+    before = worst(trajectory.poses, true)
     assert before > 0.45
     assert len(result.loops) >= 2
     assert worst(result.poses, true) < before / 8
@@ -64,15 +64,15 @@ def test_the_whole_way_round_is_put_right(drift: float) -> None:
 
 def test_the_first_pose_stays_where_it_is() -> None:
     start = Pose2D(20.0, -7.0, 2.0)
-    track, true = ring_track(0.1, start)
-    result = finished(track)
+    trajectory, true = ring_trajectory(0.1, start)
+    result = finished(trajectory)
     assert result.poses[0] == start
     assert worst(result.poses, true) < 0.06
 
 
 def test_loops_are_between_scans() -> None:
-    track, true = ring_track(0.1)
-    for loop in finished(track).loops:
+    trajectory, true = ring_trajectory(0.1)
+    for loop in finished(trajectory).loops:
         off = true[loop.from_].between(true[loop.to]).between(loop.pose)
         assert math.hypot(off.x, off.y) < 0.1
         assert 0.5 <= loop.score <= 1
@@ -81,33 +81,35 @@ def test_loops_are_between_scans() -> None:
 
 def test_walls_are_thin_afterwards() -> None:
     # A map of poses that are half a metre off has walls twice; the one that is made has not.
-    track, true = ring_track(0.2)
-    torn = track_map_cells(track, track.poses)
-    right = track_map_cells(track, [track.poses[0].compose(true[0].between(p)) for p in true])
-    made = int((finished(track).grid.log_odds > 0).sum())
+    trajectory, true = ring_trajectory(0.2)
+    torn = track_map_cells(trajectory, trajectory.poses)
+    right = track_map_cells(
+        trajectory, [trajectory.poses[0].compose(true[0].between(p)) for p in true]
+    )
+    made = int((finished(trajectory).grid.log_odds > 0).sum())
     assert torn > 1.3 * right
     assert made < 1.1 * right
 
 
-def track_map_cells(track: Track, poses: list[Pose2D]) -> int:
+def track_map_cells(trajectory: TrackedTrajectory, poses: list[Pose2D]) -> int:
     """Occupied cells of the map that these poses make."""
     one = Slam().map
-    for keyframe in track.keyframes:
+    for keyframe in trajectory.keyframes:
         one.integrate(poses[keyframe.scan], keyframe.perception)
     return int((one.log_odds > 0).sum())
 
 
 def test_two_runs_give_the_same_bytes() -> None:
-    track, _ = ring_track(0.2)
-    one, other = finished(track), finished(track)
+    trajectory, _ = ring_trajectory(0.2)
+    one, other = finished(trajectory), finished(trajectory)
     assert one.poses == other.poses
     assert one.loops == other.loops
     assert one.grid.log_odds.tobytes() == other.grid.log_odds.tobytes()
 
 
 def test_one_scan_is_a_track() -> None:
-    track = track_of([Pose2D(1, 2, 3)], [see(ring(), laps(1)[0])])
-    result = finished(track)
+    trajectory = trajectory_of([Pose2D(1, 2, 3)], [see(ring(), laps(1)[0])])
+    result = finished(trajectory)
     assert result.poses == [Pose2D(1, 2, 3)]
     assert result.loops == ()
     assert (result.grid.log_odds > 0).any()
@@ -117,11 +119,11 @@ def test_one_scan_is_a_track() -> None:
 
 
 def test_refinement_takes_the_noise_out_of_poses() -> None:
-    track, true = ring_track(0.0)
+    trajectory, true = ring_trajectory(0.0)
     rng = np.random.default_rng(0)
     noisy = [pose.compose(Pose2D(*rng.normal(0, [0.03, 0.03, 0.01]).tolist())) for pose in true]
     noisy[0] = true[0]
-    refined = refine(track, noisy, MAP.resolution, RefineParameters())
+    refined = refine(trajectory, noisy, MAP.resolution, RefineParameters())
 
     def spread(poses: list[Pose2D]) -> float:
         return float(np.mean([a.distance(b) for a, b in zip(poses, true, strict=True)]))
@@ -130,30 +132,30 @@ def test_refinement_takes_the_noise_out_of_poses() -> None:
 
 
 def test_no_pose_goes_far() -> None:
-    track, true = ring_track(0.0)
+    trajectory, true = ring_trajectory(0.0)
     off = [pose.compose(Pose2D(0.1 * (k % 2))) for k, pose in enumerate(true)]
     # Without rounds, all scans are fitted once.
-    refined = refine(track, off, MAP.resolution, RefineParameters(rounds=0, farthest_m=0.02))
+    refined = refine(trajectory, off, MAP.resolution, RefineParameters(rounds=0, farthest_m=0.02))
     assert max(a.distance(b) for a, b in zip(off, refined, strict=True)) <= 0.02
     assert refined != off
 
 
 def test_scans_that_are_no_keyframes_are_refined_too() -> None:
-    whole, true = ring_track(0.0)
+    whole, true = ring_trajectory(0.0)
     some = [frame for frame in whole.keyframes if frame.scan % 2 == 0]
-    track = replace(whole, keyframes=some)
+    trajectory = replace(whole, keyframes=some)
     off = [pose.compose(Pose2D(0.03 * (k % 2), 0.0, 0.0)) for k, pose in enumerate(true)]
-    refined = refine(track, off, MAP.resolution, RefineParameters())
+    refined = refine(trajectory, off, MAP.resolution, RefineParameters())
     errors = [a.distance(b) for a, b in zip(refined, true, strict=True)]
     assert np.mean(errors[1::2]) < 0.01  # of 3 cm
 
 
 def test_a_scan_with_few_points_stays_where_it_is() -> None:
-    whole, true = ring_track(0.0)
-    track = replace(whole, points=list(whole.points))
-    track.points[60] = track.points[60][:4]
+    whole, true = ring_trajectory(0.0)
+    trajectory = replace(whole, points=list(whole.points))
+    trajectory.points[60] = trajectory.points[60][:4]
     off = [pose.compose(Pose2D(0.02)) if k == 60 else pose for k, pose in enumerate(true)]
-    refined = refine(track, off, MAP.resolution, RefineParameters(fewest=5))
+    refined = refine(trajectory, off, MAP.resolution, RefineParameters(fewest=5))
     assert refined[60] == off[60]
 
 
@@ -162,10 +164,10 @@ def test_a_scan_with_few_points_stays_where_it_is() -> None:
 
 def run(
     scans: list[RangeScan], odom: list[Pose2D]
-) -> tuple[Slam, list[TracedPose], Finished | None]:
+) -> tuple[Slam, list[TracedPose], BackEndResult | None]:
     slam = Slam()
     found = list(slam.replay(log_of(scans, odom)))
-    return slam, found, slam.finish()
+    return slam, found, slam.finalise()
 
 
 @cache
@@ -199,7 +201,7 @@ def test_a_log_that_never_sees_has_nothing_to_finish() -> None:
     scans, true = ring_scans()
     slam, found, result = run([blind(scan) for scan in scans], true)
     assert result is None
-    assert slam.stretches == 0
+    assert slam.submap_count == 0
     assert found[0].pose == Pose2D()
 
 
@@ -207,8 +209,8 @@ def test_without_loops_there_is_nothing_to_finish() -> None:
     scans, true = ring_scans()
     slam = Slam(SlamParameters(loops=None))
     list(slam.replay(log_of(scans[:20], true[:20])))
-    assert slam.finish() is None
-    assert slam.track.poses == []
+    assert slam.finalise() is None
+    assert slam.trajectory.poses == []
 
 
 @pytest.mark.parametrize("ahead", [50, 90])

@@ -1,4 +1,4 @@
-"""Stretches of a track: how they are cut, how uncertain they are, how they bend."""
+"""Submaps of a trajectory: how they are cut, how uncertain they are, how they bend."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam.keyframes import (
     TRACKING,
     Keyframe,
-    Stretch,
-    Track,
+    Submap,
+    TrackedTrajectory,
+    apply_corrections,
     around,
-    bend,
     covariance_between,
     split,
     step_covariance,
@@ -32,59 +32,63 @@ def frames(metres: list[float]) -> list[Keyframe]:
     return [Keyframe(k, Pose2D(at), NOTHING, SKEWED * (k + 1), at) for k, at in enumerate(metres)]
 
 
-def winding(count: int, every: int = 1) -> Track:
-    """A track through curves; every so many scans one is a keyframe."""
-    track, pose = Track(), Pose2D(2, -1, 0.5)
+def winding(count: int, every: int = 1) -> TrackedTrajectory:
+    """A trajectory through curves; every so many scans one is a keyframe."""
+    trajectory, pose = TrackedTrajectory(), Pose2D(2, -1, 0.5)
     for k in range(count):
-        track.add(pose, np.empty((0, 2)))
+        trajectory.add(pose, np.empty((0, 2)))
         if k % every == 0:
-            track.add_keyframe(NOTHING, None, WHEELS)
+            trajectory.add_keyframe(NOTHING, None, WHEELS)
         pose = pose.compose(Pose2D(0.25, 0.02, 0.2 * math.sin(k / 5)))
-    return track
+    return trajectory
 
 
-# --- the track
+# --- the trajectory
 
 
 def test_a_track_counts_metres_between_keyframes() -> None:
-    track = winding(31, every=10)
-    assert [frame.scan for frame in track.keyframes] == [0, 10, 20, 30]
-    poses = [track.poses[k] for k in (0, 10, 20, 30)]
-    assert [frame.pose for frame in track.keyframes] == poses
+    trajectory = winding(31, every=10)
+    assert [frame.scan for frame in trajectory.keyframes] == [0, 10, 20, 30]
+    poses = [trajectory.poses[k] for k in (0, 10, 20, 30)]
+    assert [frame.pose for frame in trajectory.keyframes] == poses
     lengths = [a.distance(b) for a, b in pairwise(poses)]
-    assert [frame.metres for frame in track.keyframes] == pytest.approx(np.cumsum([0, *lengths]))
-    for frame, (a, b) in zip(track.keyframes[1:], pairwise(poses), strict=True):
+    assert [frame.metres for frame in trajectory.keyframes] == pytest.approx(
+        np.cumsum([0, *lengths])
+    )
+    for frame, (a, b) in zip(trajectory.keyframes[1:], pairwise(poses), strict=True):
         assert frame.covariance == pytest.approx(step_covariance(a.between(b), None, WHEELS))
 
 
 def test_the_last_scans_are_amended() -> None:
-    track = winding(21, every=5)
-    before, poses = list(track.keyframes), list(track.poses)
+    trajectory = winding(21, every=5)
+    before, poses = list(trajectory.keyframes), list(trajectory.poses)
     moved = [Pose2D(pose.x + 1, pose.y, pose.theta) for pose in poses[8:]]
-    track.amend(moved)
-    assert track.poses == [*poses[:8], *moved]
-    assert track.keyframes[:2] == before[:2]  # of scans 0 and 5
-    assert [frame.pose for frame in track.keyframes[2:]] == [moved[2], moved[7], moved[12]]
-    lengths = [a.pose.distance(b.pose) for a, b in pairwise(track.keyframes)]
-    assert [frame.metres for frame in track.keyframes] == pytest.approx(np.cumsum([0, *lengths]))
-    track.amend([])
-    assert track.poses == [*poses[:8], *moved]
+    trajectory.amend(moved)
+    assert trajectory.poses == [*poses[:8], *moved]
+    assert trajectory.keyframes[:2] == before[:2]  # of scans 0 and 5
+    assert [frame.pose for frame in trajectory.keyframes[2:]] == [moved[2], moved[7], moved[12]]
+    lengths = [a.pose.distance(b.pose) for a, b in pairwise(trajectory.keyframes)]
+    assert [frame.metres for frame in trajectory.keyframes] == pytest.approx(
+        np.cumsum([0, *lengths])
+    )
+    trajectory.amend([])
+    assert trajectory.poses == [*poses[:8], *moved]
 
 
 # --- split
 
 
 def test_split_by_hand() -> None:
-    # 5 m at least make a stretch; the anchor is the first in its second half.
-    stretches = split(frames([0, 2, 4, 5, 6, 9, 10, 11]), 5)
-    assert [(s.first, s.last, s.anchor) for s in stretches] == [(0, 2, 1), (3, 5, 5), (6, 7, 7)]
+    # 5 m at least make a submap; the origin is the first in its second half.
+    submaps = split(frames([0, 2, 4, 5, 6, 9, 10, 11]), 5)
+    assert [(s.first, s.last, s.origin) for s in submaps] == [(0, 2, 1), (3, 5, 5), (6, 7, 7)]
 
 
 @pytest.mark.parametrize("metres", [[0.0], [0.0] * 7, [0.0, 0.5, 1.0]])
 def test_a_short_track_is_one_stretch(metres: list[float]) -> None:
-    (stretch,) = split(frames(metres), 5)
-    assert (stretch.first, stretch.last) == (0, len(metres) - 1)
-    assert stretch.first <= stretch.anchor <= stretch.last
+    (submap,) = split(frames(metres), 5)
+    assert (submap.first, submap.last) == (0, len(metres) - 1)
+    assert submap.first <= submap.origin <= submap.last
 
 
 def test_stretches_hold_every_keyframe_once() -> None:
@@ -92,14 +96,14 @@ def test_stretches_hold_every_keyframe_once() -> None:
     for _ in range(50):
         steps = rng.choice([0.0, 0.3, 0.7, 12.0], rng.integers(1, 60), p=[0.3, 0.4, 0.25, 0.05])
         keyframes = frames(np.cumsum(steps).tolist())
-        stretches = split(keyframes, 5)
-        numbers = [k for s in stretches for k in range(s.first, s.last + 1)]
+        submaps = split(keyframes, 5)
+        numbers = [k for s in submaps for k in range(s.first, s.last + 1)]
         assert numbers == list(range(len(keyframes)))
-        for s, after in pairwise(stretches):
+        for s, after in pairwise(submaps):
             length = keyframes[after.first].metres - keyframes[s.first].metres
             assert length >= 5
             assert keyframes[s.last].metres - keyframes[s.first].metres < 5
-        assert all(s.first <= s.anchor <= s.last for s in stretches)
+        assert all(s.first <= s.origin <= s.last for s in submaps)
 
 
 # --- around
@@ -181,17 +185,19 @@ def test_no_match_is_better_than_tracking_can_be() -> None:
 # --- bend
 
 
-def bent_by(track: Track, moves: list[Pose2D]) -> tuple[list[Pose2D], list[int]]:
-    """The track bent by moves of its anchors; the anchors' scans."""
-    stretches = split(track.keyframes, 5)
-    old = [track.keyframes[s.anchor].pose for s in stretches]
+def corrected_by(
+    trajectory: TrackedTrajectory, moves: list[Pose2D]
+) -> tuple[list[Pose2D], list[int]]:
+    """The trajectory bent by moves of its origins; the origins' scans."""
+    submaps = split(trajectory.keyframes, 5)
+    old = [trajectory.keyframes[s.origin].pose for s in submaps]
     new = [move.compose(pose) for move, pose in zip(moves, old, strict=True)]
-    scans = [track.keyframes[s.anchor].scan for s in stretches]
-    return bend(track, stretches, new), scans
+    scans = [trajectory.keyframes[s.origin].scan for s in submaps]
+    return apply_corrections(trajectory, submaps, new), scans
 
 
-def anchors_of(track: Track) -> int:
-    return len(split(track.keyframes, 5))
+def origins_of(trajectory: TrackedTrajectory) -> int:
+    return len(split(trajectory.keyframes, 5))
 
 
 def assert_same(found: Pose2D, expected: Pose2D) -> None:
@@ -201,49 +207,49 @@ def assert_same(found: Pose2D, expected: Pose2D) -> None:
 
 @pytest.mark.parametrize("every", [1, 7])
 def test_anchors_that_stay_leave_every_pose(every: int) -> None:
-    track = winding(120, every)
-    bent, _ = bent_by(track, [Pose2D()] * anchors_of(track))
-    for found, pose in zip(bent, track.poses, strict=True):
+    trajectory = winding(120, every)
+    corrected, _ = corrected_by(trajectory, [Pose2D()] * origins_of(trajectory))
+    for found, pose in zip(corrected, trajectory.poses, strict=True):
         assert_same(found, pose)
 
 
 def test_the_whole_track_moves_with_its_anchors() -> None:
-    track, move = winding(120, 3), Pose2D(-4, 2, 2.0)
-    bent, _ = bent_by(track, [move] * anchors_of(track))
-    for found, pose in zip(bent, track.poses, strict=True):
+    trajectory, move = winding(120, 3), Pose2D(-4, 2, 2.0)
+    corrected, _ = corrected_by(trajectory, [move] * origins_of(trajectory))
+    for found, pose in zip(corrected, trajectory.poses, strict=True):
         assert_same(found, move.compose(pose))
 
 
 def test_anchors_land_on_their_new_poses_and_ends_are_carried_along() -> None:
-    track = winding(120, 3)
+    trajectory = winding(120, 3)
     rng = np.random.default_rng(0)
-    moves = [Pose2D(*rng.normal(0, 0.3, 3).tolist()) for _ in range(anchors_of(track))]
-    bent, scans = bent_by(track, moves)
+    moves = [Pose2D(*rng.normal(0, 0.3, 3).tolist()) for _ in range(origins_of(trajectory))]
+    corrected, scans = corrected_by(trajectory, moves)
     for scan, move in zip(scans, moves, strict=True):
-        assert_same(bent[scan], move.compose(track.poses[scan]))
+        assert_same(corrected[scan], move.compose(trajectory.poses[scan]))
     assert 0 < scans[0] < scans[-1] < 119
-    assert_same(bent[0], moves[0].compose(track.poses[0]))
-    assert_same(bent[-1], moves[-1].compose(track.poses[-1]))
+    assert_same(corrected[0], moves[0].compose(trajectory.poses[0]))
+    assert_same(corrected[-1], moves[-1].compose(trajectory.poses[-1]))
 
 
 def test_between_anchors_the_way_is_smooth() -> None:
-    track = winding(120, 3)
-    moves = [Pose2D(0.1 * k, -0.05 * k, 0.02 * k) for k in range(anchors_of(track))]
-    bent, scans = bent_by(track, moves)
-    # An anchor moves by no more than this against the one before, shared by the scans between.
+    trajectory = winding(120, 3)
+    moves = [Pose2D(0.1 * k, -0.05 * k, 0.02 * k) for k in range(origins_of(trajectory))]
+    corrected, scans = corrected_by(trajectory, moves)
+    # An origin moves by no more than this against the one before, shared by the scans between.
     for (one, other), (a, b) in zip(pairwise(moves), pairwise(scans), strict=True):
-        frame = [move.compose(track.poses[b]) for move in (one, other)]
+        frame = [move.compose(trajectory.poses[b]) for move in (one, other)]
         share = (frame[0].distance(frame[1]) + 5 * 0.02 + 0.02) / (b - a)
         for k in range(a, b):
-            step = bent[k].between(bent[k + 1])
-            tracked = track.poses[k].between(track.poses[k + 1])
+            step = corrected[k].between(corrected[k + 1])
+            tracked = trajectory.poses[k].between(trajectory.poses[k + 1])
             assert math.hypot(step.x - tracked.x, step.y - tracked.y) < 2 * share
             assert abs(wrap_angle(step.theta - tracked.theta)) == pytest.approx(0.02 / (b - a))
 
 
 def test_one_anchor_carries_everything() -> None:
-    track, move = winding(5), Pose2D(1, 2, 3)
-    (pose,) = (track.keyframes[2].pose,)
-    bent = bend(track, [Stretch(0, 4, 2)], [move.compose(pose)])
-    for found, old in zip(bent, track.poses, strict=True):
+    trajectory, move = winding(5), Pose2D(1, 2, 3)
+    (pose,) = (trajectory.keyframes[2].pose,)
+    corrected = apply_corrections(trajectory, [Submap(0, 4, 2)], [move.compose(pose)])
+    for found, old in zip(corrected, trajectory.poses, strict=True):
         assert_same(found, move.compose(old))

@@ -16,7 +16,7 @@ from support.looping import (
     rooms,
     see,
     there_and_back,
-    track_of,
+    trajectory_of,
     worst,
 )
 
@@ -24,7 +24,7 @@ from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam.keyframes import Keyframe
 from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopParameters
 from mapcli.algorithms.slam.pose_graph import Edge
-from mapcli.algorithms.slam.submap_matcher import StretchMatch
+from mapcli.algorithms.slam.submap_matcher import SubmapMatch
 from mapcli.model.pose import Pose2D
 
 USUAL = LoopParameters()
@@ -49,16 +49,16 @@ def along_the_rooms() -> tuple[list[Pose2D], list[Perception]]:
 def closer_of(
     tracked: list[Pose2D], seen: list[Perception], parameters: LoopParameters = USUAL
 ) -> LoopCloser:
-    return LoopCloser(track_of(tracked, seen).keyframes, MAP, parameters)
+    return LoopCloser(trajectory_of(tracked, seen).keyframes, MAP, parameters)
 
 
-def anchors_of(closer: LoopCloser, poses: list[Pose2D]) -> list[Pose2D]:
-    """The poses, of all scans, that anchors have."""
-    return [poses[closer.keyframes[s.anchor].scan] for s in closer.stretches]
+def origins_of(closer: LoopCloser, poses: list[Pose2D]) -> list[Pose2D]:
+    """The poses, of all scans, that origins have."""
+    return [poses[closer.keyframes[s.origin].scan] for s in closer.submaps]
 
 
 def errors_of(edges: list[Edge], true: list[Pose2D]) -> list[float]:
-    """Metres by which loops between anchors are wrong."""
+    """Metres by which loops between origins are wrong."""
     return [e.measured.distance(true[e.from_].between(true[e.to])) for e in edges]
 
 
@@ -69,18 +69,18 @@ def errors_of(edges: list[Edge], true: list[Pose2D]) -> list[float]:
 def test_a_ring_is_closed(drift: float) -> None:
     true, seen = around_the_ring(52)
     closer = closer_of(drifted(true, 1.0, drift), seen)
-    anchors = anchors_of(closer, true)
-    before = worst(closer.graph.poses, anchors)
+    origins = origins_of(closer, true)
+    before = worst(closer.graph.poses, origins)
     closed = closer.run()
     assert len(closed.loops) >= 2
     assert len(closed.scores) == len(closed.loops)
     assert min(closed.scores) >= USUAL.score
-    # A stretch is bent by the drift along its 10 m: by less than 5 m * sin(10 m * drift) / 2.
+    # A submap is bent by the drift along its 10 m: by less than 5 m * sin(10 m * drift) / 2.
     bent = 2.5 * math.radians(10 * abs(drift))
-    assert max(errors_of(closed.loops, anchors)) < 0.02 + bent
+    assert max(errors_of(closed.loops, origins)) < 0.02 + bent
     assert before > 0.35
-    assert worst(closed.anchors, anchors) < before / 6
-    assert closed.anchors[0] == closer.keyframes[closer.stretches[0].anchor].pose
+    assert worst(closed.origins, origins) < before / 6
+    assert closed.origins[0] == closer.keyframes[closer.submaps[0].origin].pose
 
 
 def test_without_drift_nothing_gets_worse() -> None:
@@ -88,7 +88,7 @@ def test_without_drift_nothing_gets_worse() -> None:
     closer = closer_of(true, seen)
     closed = closer.run()
     assert len(closed.loops) >= 2
-    assert worst(closed.anchors, anchors_of(closer, true)) < 0.02
+    assert worst(closed.origins, origins_of(closer, true)) < 0.02
 
 
 def test_before_the_robot_comes_back_there_are_no_loops() -> None:
@@ -97,14 +97,14 @@ def test_before_the_robot_comes_back_there_are_no_loops() -> None:
     closer = closer_of(tracked, seen)
     closed = closer.run()
     assert closed.loops == []
-    assert closed.anchors == anchors_of(closer, tracked)
+    assert closed.origins == origins_of(closer, tracked)
 
 
 def test_two_runs_are_the_same() -> None:
     true, seen = around_the_ring(52)
     tracked = drifted(true, 1.0, 0.2)
     one, other = closer_of(tracked, seen).run(), closer_of(tracked, seen).run()
-    assert one.anchors == other.anchors
+    assert one.origins == other.origins
     assert one.scores == other.scores
     assert [(e.from_, e.to, e.measured) for e in one.loops] == [
         (e.from_, e.to, e.measured) for e in other.loops
@@ -118,7 +118,7 @@ def test_progress_is_told_for_each_stretch() -> None:
     true, seen = around_the_ring(30)
     closer, heard = closer_of(true, seen), []
     closer.run(heard.append)
-    assert heard == list(range(len(closer.stretches)))
+    assert heard == list(range(len(closer.submaps)))
 
 
 # --- loops that are not there
@@ -134,12 +134,12 @@ def test_rooms_that_are_all_alike_make_no_wrong_loop(metres: float) -> None:
     out = drifted(true[:half], metres, 0.0)
     tracked = [*out, *(out[-1].compose(true[half - 1].between(pose)) for pose in true[half:])]
     closer = closer_of(tracked, seen)
-    anchors = anchors_of(closer, true)
-    before = worst(closer.graph.poses, anchors)
+    origins = origins_of(closer, true)
+    before = worst(closer.graph.poses, origins)
     closed = closer.run()
-    for loop, error in zip(closed.loops, errors_of(closed.loops, anchors), strict=True):
-        assert error < 0.3 or loop.error(anchors) < 3
-    assert worst(closed.anchors, anchors) < before + 0.05
+    for loop, error in zip(closed.loops, errors_of(closed.loops, origins), strict=True):
+        assert error < 0.3 or loop.error(origins) < 3
+    assert worst(closed.origins, origins) < before + 0.05
     if metres < 1.03:
         assert closed.loops  # where no other room is meant, they are found
 
@@ -149,12 +149,12 @@ def test_a_hall_where_nothing_is_seen() -> None:
     nothing = Perception(np.empty((0, 2)), np.empty((0, 2)), np.zeros(2))
     half_blind = [nothing if 40 <= k < 75 else p for k, p in enumerate(seen)]
     closer = closer_of(drifted(true, 1.0, 0.1), half_blind)
-    anchors = anchors_of(closer, true)
-    before = worst(closer.graph.poses, anchors)
+    origins = origins_of(closer, true)
+    before = worst(closer.graph.poses, origins)
     closed = closer.run()
     assert closed.loops
-    assert max(errors_of(closed.loops, anchors)) < 0.1
-    assert worst(closed.anchors, anchors) < before / 3
+    assert max(errors_of(closed.loops, origins)) < 0.1
+    assert worst(closed.origins, origins) < before / 3
     all_blind = closer_of(true, [nothing] * len(true)).run()
     assert all_blind.loops == []
 
@@ -167,9 +167,9 @@ def test_candidates_are_the_nearest_of_each_earlier_visit() -> None:
     closer = closer_of(true, seen)
     poses, metres = (
         closer.graph.poses,
-        [closer.keyframes[s.anchor].metres for s in closer.stretches],
+        [closer.keyframes[s.origin].metres for s in closer.submaps],
     )
-    new = len(closer.stretches) - 2
+    new = len(closer.submaps) - 2
     found = closer.candidates(new)
     assert len(found) == 2  # the robot has been here twice before
     for k in found:
@@ -192,12 +192,12 @@ def test_the_less_is_known_the_farther_is_looked() -> None:
     # Straight on for 25 m there is nothing near; only who hardly knows where he is looks there.
     poses = [Pose2D(0.5 * k) for k in range(50)]
     nothing = Perception(np.empty((0, 2)), np.empty((0, 2)), np.zeros(2))
-    keyframes = track_of(poses, [nothing] * 50).keyframes
+    keyframes = trajectory_of(poses, [nothing] * 50).keyframes
 
     def candidates(covariance: np.ndarray) -> list[int]:
         vague = [Keyframe(k.scan, k.pose, k.perception, covariance, k.metres) for k in keyframes]
         closer = LoopCloser(vague, MAP, LoopParameters(most_xy=30.0))
-        new = len(closer.stretches) - 1
+        new = len(closer.submaps) - 1
         return list(closer.candidates(new))
 
     assert candidates(np.diag([0.01**2, 0.01**2, 0.001**2])) == []
@@ -207,7 +207,7 @@ def test_the_less_is_known_the_farther_is_looked() -> None:
 # --- what a match must be
 
 
-GOOD = StretchMatch(Pose2D(1.0), TIGHT, score=0.9, overlap=0.9, at_edge=False)
+GOOD = SubmapMatch(Pose2D(1.0), TIGHT, score=0.9, overlap=0.9, at_edge=False)
 VAGUE_AHEAD, VAGUE = np.diag([2.0, 0.03, 0.005]) ** 2, np.diag([2.0, 1.0, 0.005]) ** 2
 
 
@@ -226,12 +226,12 @@ VAGUE_AHEAD, VAGUE = np.diag([2.0, 0.03, 0.005]) ** 2, np.diag([2.0, 1.0, 0.005]
 )
 def test_only_good_matches_wait(
     ring_closer: LoopCloser,
-    match: StretchMatch | None,
+    match: SubmapMatch | None,
     good: bool,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(ring_closer.matcher, "match", lambda *asked: match)
-    ring_closer.compare(0, 7, ring_closer.graph.ways_from(7)[0])
+    ring_closer.compare(0, 7, ring_closer.graph.shortest_paths(7)[0])
     assert [(e.from_, e.to, e.measured) for e, _ in ring_closer.pending] == [
         (0, 7, Pose2D(1.0))
     ] * good
@@ -297,8 +297,8 @@ def test_a_loop_waits_until_another_agrees(ring_closer: LoopCloser) -> None:
 def test_a_loop_far_from_the_newest_ones_is_no_support() -> None:
     true, seen = around_the_ring(2.9 * LAP)
     closer = closer_of(true, seen)
-    new = len(closer.stretches) - 1
-    assert closer.metres[new] - closer.metres[7] > USUAL.apart_m + USUAL.stretch_m
+    new = len(closer.submaps) - 1
+    assert closer.metres[new] - closer.metres[7] > USUAL.apart_m + USUAL.submap_m
     waiting(closer, (0, 7, Pose2D()), (1, new, Pose2D()))
     assert not closer.accept()
 
@@ -340,7 +340,7 @@ def test_a_loop_that_contradicts_the_others_is_let_go(ring_closer: LoopCloser) -
     assert [(e.from_, e.to) for e, _ in ring_closer.closed] == [(0, 7), (1, 8), (2, 9)]
     assert edge not in ring_closer.graph.edges
     true, _ = around_the_ring(52)
-    assert worst(ring_closer.graph.poses, anchors_of(ring_closer, true)) < 1e-3
+    assert worst(ring_closer.graph.poses, origins_of(ring_closer, true)) < 1e-3
 
 
 def test_loops_that_agree_stay(ring_closer: LoopCloser) -> None:

@@ -62,7 +62,7 @@ def replayed(true: list[Pose2D], odom: list[Pose2D]) -> tuple[list[Pose2D], set[
     scans = [scan_at(CORRIDOR, pose, k) for k, pose in enumerate(true)]
     for _ in slam.replay(log_of(scans, odom)):
         believed.add(slam.faults.believed)
-    return slam.track.poses, believed, slam.faults.scans
+    return slam.trajectory.poses, believed, slam.faults.scans
 
 
 # --- inertia, where the robot sees nothing

@@ -71,7 +71,7 @@ def test_only_edges_that_were_not_driven_are_loops() -> None:
 def test_the_way_along_a_chain() -> None:
     # Straight on, two steps of 3 m. A turn of the middle pose moves the last one to the side.
     graph = chain([Pose2D(), Pose2D(3), Pose2D(6)])
-    ways = graph.ways_from(0)
+    ways = graph.shortest_paths(0)
     assert [ways[k].metres for k in range(3)] == [0, 3, 6]
     assert not ways[0].covariance.any()
     assert ways[1].covariance == pytest.approx(LOOSE)
@@ -86,7 +86,7 @@ def test_the_way_along_a_chain() -> None:
 def test_the_way_back_along_a_chain() -> None:
     # Seen from the last pose, the middle one is also uncertain by how the last one's turn was.
     graph = chain([Pose2D(), Pose2D(3), Pose2D(6)])
-    ways = graph.ways_from(2)
+    ways = graph.shortest_paths(2)
     assert [ways[k].metres for k in range(3)] == [6, 3, 0]
     middle = [[0.01, 0, 0], [0, 0.01 + 9 * 0.0025, -3 * 0.0025], [0, -3 * 0.0025, 0.0025]]
     assert ways[1].covariance == pytest.approx(np.array(middle))
@@ -120,7 +120,7 @@ SKEWED = np.array([[4.0, 1.0, 0.5], [1.0, 2.0, -0.3], [0.5, -0.3, 1.0]]) * 1e-4
 @pytest.mark.parametrize("way", [[0, 1, 2, 3], [3, 2, 1, 0]])
 def test_uncertainty_gathers_as_if_it_were_drawn(way: list[int]) -> None:
     graph = chain(CORNERS[:4], SKEWED)
-    gathered = graph.ways_from(way[0])[way[-1]].covariance
+    gathered = graph.shortest_paths(way[0])[way[-1]].covariance
     drawn = sampled(CORNERS, way, 4000)
     # 4000 draws know each entry to about sqrt(2 / 4000) = 2 % of its variances.
     scale = np.sqrt(np.outer(np.diag(gathered), np.diag(gathered)))
@@ -130,23 +130,23 @@ def test_uncertainty_gathers_as_if_it_were_drawn(way: list[int]) -> None:
 
 def test_a_loop_is_a_short_way() -> None:
     graph = chain(drifting(4, Pose2D()))
-    assert graph.ways_from(4)[0].metres == 16
+    assert graph.shortest_paths(4)[0].metres == 16
     loop = Edge(0, 4, Pose2D(), TIGHT)
     graph.add(loop)
-    ways = graph.ways_from(4)
+    ways = graph.shortest_paths(4)
     assert ways[0].metres == PoseGraph.LOOP_METRES
     assert ways[0].covariance == pytest.approx(TIGHT)
     assert ways[1].metres == PoseGraph.LOOP_METRES + 4
     assert ways[2].metres == pytest.approx(8)  # the other way round
     graph.remove(loop)
-    assert graph.ways_from(4)[0].metres == 16
+    assert graph.shortest_paths(4)[0].metres == 16
 
 
 def test_no_way_is_gone_farther_than_wanted() -> None:
     graph = chain(drifting(4, Pose2D()))
-    assert set(graph.ways_from(4, [3])) == {3, 4}
-    assert graph.ways_from(4, []) == {}
-    assert graph.ways_from(4, [0])[0].metres == graph.ways_from(4)[0].metres
+    assert set(graph.shortest_paths(4, [3])) == {3, 4}
+    assert graph.shortest_paths(4, []) == {}
+    assert graph.shortest_paths(4, [0])[0].metres == graph.shortest_paths(4)[0].metres
 
 
 def test_positions_follow_the_poses() -> None:

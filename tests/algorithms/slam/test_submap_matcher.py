@@ -1,4 +1,4 @@
-"""Finding one stretch of a track in the map of another."""
+"""Finding one submap of a trajectory in the map of another."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from support.looping import MAP, box, laps, ring, see, track_of
+from support.looping import MAP, box, laps, ring, see, trajectory_of
 
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import edges_of
 from mapcli.algorithms.slam.keyframes import Keyframe
-from mapcli.algorithms.slam.submap_matcher import StretchMatcher, StretchParameters
+from mapcli.algorithms.slam.submap_matcher import SubmapMatcher, SubmapMatchParameters
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import StandardDeviations
 from mapcli.model.world import World
@@ -27,7 +27,7 @@ half-way along a side, not at a corner as they are."""
 def round_again() -> list[Keyframe]:
     """A lap and a half around the ring, tracked without any error."""
     world, poses = ring(), laps(52)
-    return track_of(poses, [see(world, pose) for pose in poses]).keyframes
+    return trajectory_of(poses, [see(world, pose) for pose in poses]).keyframes
 
 
 def seen_from(keyframes: list[Keyframe], old: int, new: int) -> Pose2D:
@@ -48,7 +48,7 @@ def test_a_stretch_is_found_in_the_map_from_before(
     round_again: list[Keyframe], off: Pose2D
 ) -> None:
     true = seen_from(round_again, OLD, NEW)
-    match = StretchMatcher(round_again, MAP).match(OLD, NEW, true.compose(off), WINDOW, DEVIATIONS)
+    match = SubmapMatcher(round_again, MAP).match(OLD, NEW, true.compose(off), WINDOW, DEVIATIONS)
     assert match is not None
     assert match.pose.distance(true) < MAP.resolution / 2
     assert abs(true.between(match.pose).theta) < math.radians(0.3)
@@ -62,7 +62,7 @@ def test_a_stretch_is_found_in_the_map_from_before(
 def test_its_covariance_holds_its_error(round_again: list[Keyframe]) -> None:
     true = seen_from(round_again, OLD, NEW)
     off = true.compose(Pose2D(0.3, 0.2, 0.05))
-    match = StretchMatcher(round_again, MAP).match(OLD, NEW, off, WINDOW, DEVIATIONS)
+    match = SubmapMatcher(round_again, MAP).match(OLD, NEW, off, WINDOW, DEVIATIONS)
     assert match is not None
     error = match.pose.between(true)
     row = np.array([error.x, error.y, error.theta])
@@ -72,7 +72,7 @@ def test_its_covariance_holds_its_error(round_again: list[Keyframe]) -> None:
 
 
 def test_another_place_does_not_pass_for_this_one(round_again: list[Keyframe]) -> None:
-    matcher = StretchMatcher(round_again, MAP)
+    matcher = SubmapMatcher(round_again, MAP)
     right = matcher.match(OLD, NEW, seen_from(round_again, OLD, NEW), WINDOW, DEVIATIONS)
     wrong = matcher.match(OLD, ELSEWHERE, Pose2D(), WINDOW, DEVIATIONS)
     assert right is not None
@@ -88,7 +88,7 @@ def test_a_fit_at_the_edge_of_the_window_is_told(
 ) -> None:
     # The best pose is this far from the middle of a window of 1.5 m and 12 degrees.
     predicted = seen_from(round_again, OLD, NEW).compose(off.inverse())
-    match = StretchMatcher(round_again, MAP).match(
+    match = SubmapMatcher(round_again, MAP).match(
         OLD, NEW, predicted, WINDOW, StandardDeviations(9.0, 9.0)
     )
     assert match is not None
@@ -104,10 +104,10 @@ def test_in_a_bare_corridor_it_says_that_it_does_not_know_how_far_along(heading:
     there = [Pose2D(0.5 * k, 0.0, 0.0) for k in range(20)]
     back = [Pose2D(9.5 - 0.5 * k, 0.2, 3.0) for k in range(20)]
     poses = [frame.compose(pose) for pose in there + back]
-    keyframes = track_of(poses, [see(world, pose) for pose in poses]).keyframes
+    keyframes = trajectory_of(poses, [see(world, pose) for pose in poses]).keyframes
     old, new, window = 10, 30, (1.0, math.radians(5))
     true = seen_from(keyframes, old, new)
-    match = StretchMatcher(keyframes, MAP).match(
+    match = SubmapMatcher(keyframes, MAP).match(
         old, new, true, window, StandardDeviations(0.3, 0.02)
     )
     assert match is not None
@@ -133,7 +133,7 @@ def gaps(points: np.ndarray) -> np.ndarray:
 
 
 def test_points_are_those_around_the_anchor_in_its_frame(round_again: list[Keyframe]) -> None:
-    points = StretchMatcher(round_again, MAP).points(OLD)
+    points = SubmapMatcher(round_again, MAP).points(OLD)
     assert len(points) > 300
     assert gaps(round_again[OLD].pose.apply(points)).max() < 1e-6
     # One for each square of 10 cm, at most.
@@ -142,14 +142,14 @@ def test_points_are_those_around_the_anchor_in_its_frame(round_again: list[Keyfr
 
 
 def test_a_map_has_its_anchor_in_the_middle(round_again: list[Keyframe]) -> None:
-    grid = StretchMatcher(round_again, MAP).map_around(OLD).to_grid_map()
+    grid = SubmapMatcher(round_again, MAP).map_around(OLD).to_grid_map()
     walls = round_again[OLD].pose.apply(grid.world_of_cells(*np.nonzero(grid.cells > 0.65)))
     assert len(walls) > 300
     assert gaps(walls).max() < MAP.resolution  # half the diagonal of a cell, and no more
 
 
 def test_few_maps_are_kept(round_again: list[Keyframe]) -> None:
-    matcher = StretchMatcher(round_again, MAP, StretchParameters(maps=2))
+    matcher = SubmapMatcher(round_again, MAP, SubmapMatchParameters(maps=2))
     first = matcher.map_around(10)
     matcher.map_around(20)
     assert matcher.map_around(10) is first  # and so it is the newest
@@ -160,10 +160,10 @@ def test_few_maps_are_kept(round_again: list[Keyframe]) -> None:
 
 def test_what_is_kept_does_not_change_the_answer(round_again: list[Keyframe]) -> None:
     predicted = seen_from(round_again, OLD, NEW).compose(Pose2D(0.3, 0.2, 0.05))
-    used = StretchMatcher(round_again, MAP)
+    used = SubmapMatcher(round_again, MAP)
     used.match(OLD, ELSEWHERE, Pose2D(4, 4, 1), (6.0, 0.4), DEVIATIONS)  # makes the map grow
     one = used.match(OLD, NEW, predicted, WINDOW, DEVIATIONS)
-    other = StretchMatcher(round_again, MAP).match(OLD, NEW, predicted, WINDOW, DEVIATIONS)
+    other = SubmapMatcher(round_again, MAP).match(OLD, NEW, predicted, WINDOW, DEVIATIONS)
     assert one is not None
     assert other is not None
     assert (one.pose, one.score, one.overlap) == (other.pose, other.score, other.overlap)
@@ -172,8 +172,8 @@ def test_what_is_kept_does_not_change_the_answer(round_again: list[Keyframe]) ->
 
 def test_a_stretch_that_saw_nothing_matches_nothing(round_again: list[Keyframe]) -> None:
     seen = [frame.perception if k >= 60 else NOTHING for k, frame in enumerate(round_again)]
-    keyframes = track_of([frame.pose for frame in round_again], seen).keyframes
-    matcher = StretchMatcher(keyframes, MAP)
+    keyframes = trajectory_of([frame.pose for frame in round_again], seen).keyframes
+    matcher = SubmapMatcher(keyframes, MAP)
     assert matcher.match(100, 10, Pose2D(), WINDOW, DEVIATIONS) is None
     # And in a map of nothing there is nothing to agree with.
     match = matcher.match(10, 100, Pose2D(), WINDOW, DEVIATIONS)
