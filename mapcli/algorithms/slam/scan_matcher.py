@@ -250,8 +250,8 @@ class _Window:
         spread = StandardDeviations(self.spread.xy, self.spread.turn)
         fit = self.grid.surfels.fit(self.points.metres, near, self.predicted, spread)
         moved = near.distance(fit.pose) + abs(near.between(fit.pose).theta) * self.points.radius
-        trusted = fit.fitted >= self.parameters.fewest and moved < FARTHEST_REFINEMENT * self.cell
-        return (fit.pose, fit.in_own_frame()) if trusted else (near, None)
+        trusted = fit.matched >= self.parameters.fewest and moved < FARTHEST_REFINEMENT * self.cell
+        return (fit.pose, fit.information_in_own_frame()) if trusted else (near, None)
 
 
 def best_of_fifteen(

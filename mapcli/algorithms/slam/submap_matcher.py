@@ -137,7 +137,7 @@ class SubmapMatcher:
         )
         at_edge = max(abs(du), abs(dv)) >= half[0] - EDGE or abs(turn) >= half[1] - EDGE
         doubt = self._doubt(grid, cells, best, (start - best)[:2].round(), half[0])
-        covariance = covariance_from_information(fit.in_own_frame()) + self._floor()
+        covariance = covariance_from_information(fit.information_in_own_frame()) + self._floor()
         covariance += turned_covariance(doubt, -fit.pose.theta)
         return SubmapMatch(fit.pose, covariance, score, known / len(cells), at_edge)
 

@@ -1,9 +1,9 @@
-"""Where walls are, finer than cells: what poses are refined against.
+"""The surfel map: lines through points, finer than cells, that poses are refined against.
 
 Cells are too coarse for the last centimetre: their likelihood field knows a wall to half a cell
-only. A `SurfelMap` keeps the mean and the spread of the points in each cell instead, and fits a
-scan by the distances of its points to the lines through them (point-to-line matching, Censi 2008;
-cells with their distributions, Biber and Strasser 2003).
+only. A `SurfelMap` keeps the mean and the spread of the points in each cell instead (Biber and
+Strasser 2003), and fits a scan by the distances of its points to the lines through them
+(point-to-line ICP, Censi 2008; see `_kernels.point_to_line_icp`).
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mapcli.algorithms.slam._kernels import point_to_line_icp as icp
 from mapcli.algorithms.slam._kernels import surfel_map as kernels
-from mapcli.algorithms.slam._kernels.point_to_line_icp import fit_scans
-from mapcli.algorithms.slam._kernels.sparse_grid import BORDER, SHIFT, SIDE
+from mapcli.algorithms.slam._kernels.sparse_grid import BORDER, SHIFT, SIDE, SparseGrid, Used
 from mapcli.algorithms.slam.growing_array import grown, too_large
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.se2_uncertainty import (
@@ -37,91 +37,82 @@ SCANS_AT_ONCE = 200
 MOST_TILES = 1 << 22
 """16 MB of directory: what 1 km x 1 km at 3 cm would take."""
 
+THICKNESS = 0.015
+"""Metres: how well a point tells where a wall is, at best. Lasers err by one to two centimetres
+(and see skirting boards and frames beside the wall)."""
 
-@dataclass(frozen=True)
-class SurfelParameters:
-    """How points are fitted to walls.
+INDEPENDENT_SHARE = 0.3
+"""Of a scan's points, those that count as evidence of their own: errors of neighbouring beams are
+alike, so information would be too large if every point counted."""
 
-    Attributes:
-        thickness: metres; how well a point tells where a wall is, at best.
-        doubt: standard deviations at which a point's say has fallen to a quarter.
-        independent: the share of a scan's points that count as evidence of their own: errors of
-            neighbouring beams are alike.
-        knee: squared standard deviations at which the prediction's say has fallen to a quarter.
-        rounds: how often at most each point looks for its wall anew.
-    """
-
-    thickness: float = 0.015
-    doubt: float = 3.0
-    independent: float = 0.3
-    knee: float = 9.0
-    rounds: int = 2
+SQUARED_PREDICTION_SCALE = 9.0
+"""Squared standard deviations at which the weight of the prediction has fallen to a quarter: at
+three of them odometry is likely to have failed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
-    """A pose fitted to walls.
+class ScanFit:
+    """A scan's pose, fitted to surfels.
 
     Attributes:
-        pose: in the world.
-        information: shape (3, 3), of (x, y, theta) in the world, from the points alone: metres
-            and radians to the power of -2.
-        fitted: points that have a wall near them.
+        pose: of the robot in the map.
+        information: on it, in the map's axes, from the scan's points alone.
+        matched: how many points have a surfel near them.
     """
 
     pose: Pose2D
     information: InformationMatrix
-    fitted: int
+    matched: int
 
-    def in_own_frame(self) -> InformationMatrix:
-        """The information ahead, to the left and in turning, of the fitted pose itself."""
+    def information_in_own_frame(self) -> InformationMatrix:
+        """The same ahead, to the left and in turning, of the fitted pose itself."""
         return information_in_own_frame(self.information, self.pose.theta)
 
 
 class SurfelMap:
-    """The walls as points left them (stateful: `add` changes it)."""
+    """Surfels of the points that were added (stateful: `add` changes it).
 
-    def __init__(self, cell: float, parameters: SurfelParameters | None = None) -> None:
-        self.cell, self.parameters = cell, parameters or SurfelParameters()
-        self._used = 1, 1  # of tiles and slots; the first of both are the empty ones
-        self._directory, self._corner = np.zeros((0, 0), np.int32), (0, 0)
-        self._tiles = np.zeros((START_TILES, SIDE, SIDE), np.int32)
-        self._sums = np.zeros((START, 8))
-        self._sums[0, 6:] = kernels.NOWHERE
-        self._surfels = np.zeros((START, 5))
-        self._states = np.zeros(START, np.int8)
+    Attributes:
+        cell: metres along a side of a cell.
+    """
+
+    def __init__(self, cell: float) -> None:
+        self.cell = cell
+        self._used = Used(1, 1)  # the first tile and the first slot are the empty ones
+        tiles = np.zeros((START_TILES, SIDE, SIDE), np.int32)
+        grid = SparseGrid(np.zeros((0, 0), np.int32), (0, 0), tiles)
+        moments = np.zeros((START, 8))
+        moments[0, kernels.MEAN_X :] = kernels.NOWHERE
+        self._table = _table_of(grid, moments, cell)
 
     def add(self, points: NDArray[np.float64]) -> None:
-        """Add ends of beams, shape (n, 2), metres in the world.
+        """Add ends of beams, shape (n, 2), metres in the map.
 
         Raises:
             DataError: they are absurdly far apart.
         """
         done = 0
         while done < len(points):
-            done, self._used = kernels.add_points(
-                self._table(), self._used, points, done, self.cell
-            )
+            done, self._used = kernels.add_points(self._table, self._used, points, done)
             if done < len(points):
                 self._make_room(points[done:])
-        self._states[: self._used[1]] = kernels.STALE
+        self._table.states[: self._used.slots] = kernels.STALE
 
     def _make_room(self, points: NDArray[np.float64]) -> None:
         """Have room for points, the first of which there is no room for."""
-        n_tiles, n_slots = self._used
-        if n_tiles == len(self._tiles):
-            self._tiles = _twice(self._tiles)
-        if n_slots == len(self._sums):
-            self._sums = _twice(self._sums)
-            self._surfels = np.zeros((len(self._sums), 5))
-            self._states = np.zeros(len(self._sums), np.int8)
+        grid, moments = self._table.grid, self._table.moments
+        if self._used.tiles == len(grid.tiles):
+            self._table = self._table._replace(grid=grid._replace(tiles=_twice(grid.tiles)))
+        if self._used.slots == len(moments):
+            self._table = _table_of(self._table.grid, _twice(moments), self.cell)
         cells = np.floor([points.min(axis=0) / self.cell, points.max(axis=0) / self.cell])
         low, high = ([int(end) >> SHIFT for end in ends] for ends in cells.tolist())
         self._hold(low, high)
 
     def _hold(self, low: list[int], high: list[int]) -> None:
         """Make the directory hold the tiles from `low` to `high`, each (u, v), and its border."""
-        (rows, columns), (u, v) = self._directory.shape, self._corner
+        grid = self._table.grid
+        (rows, columns), (u, v) = grid.directory.shape, grid.corner
         left, right = grown(low[0] - BORDER, high[0] + BORDER, u, columns, BORDER)
         bottom, top = grown(low[1] - BORDER, high[1] + BORDER, v, rows, BORDER)
         shape = top - bottom + 1, right - left + 1
@@ -131,8 +122,9 @@ class SurfelMap:
             raise too_large(SIDE * self.cell * np.array([shape[1], shape[0]]))
         directory = np.zeros(shape, np.int32)
         held = np.s_[v - bottom : v - bottom + rows, u - left : u - left + columns]
-        directory[held] = self._directory
-        self._directory, self._corner = directory, (left, bottom)
+        directory[held] = grid.directory
+        grid = grid._replace(directory=directory, corner=(left, bottom))
+        self._table = self._table._replace(grid=grid)
 
     def fit(
         self,
@@ -140,37 +132,36 @@ class SurfelMap:
         start: Pose2D,
         predicted: Pose2D | None = None,
         deviations: StandardDeviations = UNKNOWN,
-    ) -> Fit:
-        """The pose near `start` at which points lie on the walls.
+    ) -> ScanFit:
+        """The pose near `start` at which points lie on surfels.
 
         Args:
             points: shape (n, 2), metres in the robot's frame.
-            predicted: what odometry says; it decides where the walls do not.
-            deviations: how far off that may be: metres, radians.
+            predicted: the pose that odometry says; it decides where the surfels do not.
+            deviations: how far off that may be.
         """
         guess = predicted or start
         # Headings on the same turn of the circle.
         heading = start.theta + wrap_angle(guess.theta - start.theta)
-        pose, matrix, fitted = self._fit(
-            points,
-            np.array([0, len(points)]),
+        fits = self._fit(
+            icp.Scans(points, np.array([0, len(points)])),
             np.array([[start.x, start.y, start.theta]], np.float64),
             np.array([[guess.x, guess.y, heading]], np.float64),
             deviations,
         )
-        ((x, y, theta),) = pose.tolist()
-        ((xx, xy, xt, yy, yt, tt),) = matrix.tolist()
+        ((x, y, theta),) = fits.poses.tolist()
+        ((xx, xy, xt, yy, yt, tt),) = (INDEPENDENT_SHARE * fits.information).tolist()
         information = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
-        return Fit(Pose2D(x, y, wrap_angle(theta)), information, int(fitted[0]))
+        return ScanFit(Pose2D(x, y, wrap_angle(theta)), information, int(fits.matched[0]))
 
     def fit_each(
         self, scans: list[NDArray[np.float32]], starts: list[Pose2D]
     ) -> list[tuple[Pose2D, int]]:
-        """What `fit` finds for each of many scans, without a prediction: pose and `fitted`.
+        """What `fit` finds for each of many scans, without a prediction: pose and `matched`.
 
         Scans are fitted on all processors, each by itself, so that the result is always the same.
         """
-        kernels.renew_all(self._table(), self._used[1], self.cell, self.parameters.thickness)
+        kernels.update_all(self._table, self._used.slots)
         n = SCANS_AT_ONCE
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             fits = pool.map(
@@ -185,44 +176,47 @@ class SurfelMap:
         begin = np.array([(pose.x, pose.y, pose.theta) for pose in starts], np.float64)
         points = np.concatenate(scans).astype(np.float64)
         bounds = np.cumsum([0, *(len(scan) for scan in scans)])
-        poses, _, fitted = self._fit(points, bounds, begin, begin.copy(), UNKNOWN)
+        fits = self._fit(icp.Scans(points, bounds), begin, begin.copy(), UNKNOWN)
         return [
             (Pose2D(x, y, wrap_angle(theta)), n)
-            for (x, y, theta), n in zip(poses.tolist(), fitted.tolist(), strict=True)
+            for (x, y, theta), n in zip(fits.poses.tolist(), fits.matched.tolist(), strict=True)
         ]
-
-    def _table(self) -> kernels.Table:
-        return (
-            self._directory, self._corner, self._tiles,
-            self._sums, self._surfels, self._states,
-        )  # fmt: skip
 
     def _fit(
         self,
-        points: NDArray[np.float64],
-        bounds: NDArray[np.int64],
-        poses: NDArray[np.float64],
+        scans: icp.Scans,
+        starts: NDArray[np.float64],
         predicted: NDArray[np.float64],
         deviations: StandardDeviations,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-        """Fit scans, see `fit_scans`: poses, upper triangles of information, points at walls."""
-        p, scans = self.parameters, len(poses)
-        share = 1 / p.independent
-        systems, fitted = np.empty((scans, 6)), np.empty(scans, np.int64)
-        fit_scans(
-            self._table(),
-            points,
-            bounds,
-            poses,
+    ) -> icp.Fits:
+        """Fit scans from their start poses, which are changed.
+
+        Only a share of the points is independent, which weakens them against the prediction; here
+        the prediction is strengthened instead, which comes to the same.
+        """
+        share, count = 1 / INDEPENDENT_SHARE, len(starts)
+        prediction = icp.Prediction(
             predicted,
-            (share / deviations.xy**2, share / deviations.theta**2, p.knee * share),
-            (self.cell, p.thickness, p.doubt),
-            p.rounds,
-            np.empty(len(points), np.int64),
-            systems,
-            fitted,
+            share / deviations.xy**2,
+            share / deviations.theta**2,
+            SQUARED_PREDICTION_SCALE * share,
         )
-        return poses, p.independent * systems, fitted
+        fits = icp.Fits(
+            poses=starts,
+            information=np.empty((count, 6)),
+            matched=np.empty(count, np.int64),
+            correspondences=np.empty(len(scans.points), np.int64),
+        )
+        icp.fit_scans(self._table, scans, prediction, fits)
+        return fits
+
+
+def _table_of(grid: SparseGrid, moments: NDArray[np.float64], cell: float) -> kernels.SurfelTable:
+    """A table with these cells, whose surfels are all still to be made."""
+    slots = len(moments)
+    return kernels.SurfelTable(
+        grid, moments, np.zeros((slots, 5)), np.zeros(slots, np.int8), cell, THICKNESS
+    )
 
 
 def _twice(table: NDArray[Any]) -> NDArray[Any]:

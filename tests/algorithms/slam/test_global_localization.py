@@ -189,7 +189,7 @@ def test_walls_of_a_known_map_are_fitted_to(known: GridMap) -> None:
     grid, true = opened(known), Pose2D(4.4, 2.3, 0.7)
     points = see(FLAT, true).hits
     fit = grid.surfels.fit(points, true.compose(Pose2D(0.03, -0.02, 0.01)))
-    assert fit.fitted > 0.9 * len(points)
+    assert fit.matched > 0.9 * len(points)
     assert fit.pose.distance(true) < MAP.resolution / 2
 
 

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mapcli.algorithms.slam import surfel_map as surfels
-from mapcli.algorithms.slam.surfel_map import Fit, SurfelMap
+from mapcli.algorithms.slam.surfel_map import ScanFit, SurfelMap
 from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import StandardDeviations, covariance_from_information
@@ -43,7 +43,7 @@ def map_of(points: Floats) -> SurfelMap:
     return walls
 
 
-def along(fit: Fit, heading: float) -> tuple[float, float]:
+def along(fit: ScanFit, heading: float) -> tuple[float, float]:
     """Information about the position along a heading, and across it."""
     ahead = np.array([math.cos(heading), math.sin(heading), 0])
     left = np.array([-ahead[1], ahead[0], 0])
@@ -57,8 +57,8 @@ def test_a_room_fixes_a_pose() -> None:
     fit = map_of(room()).fit(points, start)
     assert fit.pose.distance(true) < 0.003
     assert abs(fit.pose.theta - true.theta) < math.radians(0.05)
-    assert fit.fitted > 0.99 * len(points)
-    deviations = np.sqrt(np.diag(covariance_from_information(fit.in_own_frame())))
+    assert fit.matched > 0.99 * len(points)
+    deviations = np.sqrt(np.diag(covariance_from_information(fit.information_in_own_frame())))
     assert (deviations > 0).all()
     assert (deviations < [0.01, 0.01, 0.01]).all()  # 100 points a side, 15 mm each
 
@@ -78,16 +78,18 @@ def test_growing_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
         at_once.add(scan)
     one, other = grown.fit(points, start), at_once.fit(points, start)
     assert one.pose == other.pose
-    assert one.fitted == other.fitted > 0
+    assert one.matched == other.matched > 0
     assert one.information.tobytes() == other.information.tobytes()
 
 
 def test_new_points_are_seen() -> None:
     # One wall is no room: only the second one says how far ahead the robot is.
-    walls, points, start = map_of(wall((-3, 1), (3, 1))), room(0.06), Pose2D()
-    assert covariance_from_information(walls.fit(points, start).in_own_frame())[0, 0] > 1
-    walls.add(room())
-    assert covariance_from_information(walls.fit(points, start).in_own_frame())[0, 0] < 0.01**2
+    surfels, points, start = map_of(wall((-3, 1), (3, 1))), room(0.06), Pose2D()
+    one = surfels.fit(points, start).information_in_own_frame()
+    assert covariance_from_information(one)[0, 0] > 1
+    surfels.add(room())
+    both = surfels.fit(points, start).information_in_own_frame()
+    assert covariance_from_information(both)[0, 0] < 0.01**2
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.5, math.pi / 2, 2.0, -2.5])
@@ -98,7 +100,7 @@ def test_a_corridor_says_nothing_about_how_far_along_it_the_robot_is(heading: fl
     ahead, across = along(fit, heading)
     assert across > 1e4  # better than a centimetre
     assert ahead < 1e-6 * across
-    covariance = covariance_from_information(fit.in_own_frame())
+    covariance = covariance_from_information(fit.information_in_own_frame())
     # In the robot's frame the corridor is at `heading` less its own.
     axis = np.array([math.cos(heading - 0.7), math.sin(heading - 0.7)])
     assert axis @ covariance[:2, :2] @ axis > 100  # metres squared: not known at all
@@ -108,9 +110,9 @@ def test_a_corridor_says_nothing_about_how_far_along_it_the_robot_is(heading: fl
 def test_information_in_the_robots_own_frame_by_hand() -> None:
     # Facing up: ahead is the world's y, left is its -x.
     information = np.array([[100.0, 7.0, 60.0], [7.0, 25.0, 5.0], [60.0, 5.0, 400.0]])
-    fit = Fit(Pose2D(3, 4, math.pi / 2), information, 50)
+    fit = ScanFit(Pose2D(3, 4, math.pi / 2), information, 50)
     expected = [[25, -7, 5], [-7, 100, -60], [5, -60, 400]]
-    assert fit.in_own_frame() == pytest.approx(np.array(expected))
+    assert fit.information_in_own_frame() == pytest.approx(np.array(expected))
 
 
 @pytest.mark.parametrize("heading", [0.0, 1.1])
@@ -164,7 +166,7 @@ def test_it_is_the_same_everywhere(shift: tuple[int, int]) -> None:
     one, other = here.fit(points, start), there.fit(points, away.compose(start))
     # Sums that begin at other numbers differ in their last bits; points may change their cells.
     assert away.between(other.pose).distance(one.pose) < 1e-4
-    assert other.fitted == one.fitted
+    assert other.matched == one.matched
     scale = np.sqrt(np.outer(np.diag(one.information), np.diag(one.information)))
     assert (np.abs(other.information - one.information) < 0.02 * scale).all()
 
@@ -176,8 +178,8 @@ def test_points_on_all_sides_are_kept() -> None:
         walls.add(pillar + side)
     for x, y in sides:
         fit = walls.fit(pillar, Pose2D(x + 0.01, y - 0.01, 0.0))
-        assert fit.fitted == len(pillar)
-    assert walls.fit(pillar, Pose2D(1e7, 0.0, 0.0)).fitted == 0
+        assert fit.matched == len(pillar)
+    assert walls.fit(pillar, Pose2D(1e7, 0.0, 0.0)).matched == 0
 
 
 def test_points_absurdly_far_apart() -> None:

@@ -1,96 +1,180 @@
-"""Fitting a scan's pose to surfels: Gauss-Newton on the distances of its points to the walls.
+"""Point-to-line ICP: fitting a scan's pose to surfels (Censi 2008), by Gauss-Newton.
 
-Lengths are in metres; for surfels see `surfels`.
+Each round finds the surfel of every point (the correspondences), then takes a few Gauss-Newton
+steps with these. What is brought down is, over the points p that have a surfel,
+
+    sum of  rho(e_p^T I_p e_p)  +  the same for the prediction,
+
+    e_p = m_p - (t + R(theta) p)     the residual, from the point in the map to the surfel's mean
+    I_p                              the surfel's information: large across its line, 0 along it
+    rho(q) = s^2 q / (s^2 + q)       Geman-McClure's robust kernel of scale s
+
+With I_p of rank one, e_p^T I_p e_p is the squared distance from the point to the line, over its
+variance. Poses (x, y, theta) are those of the robot in the map; metres and radians.
 """
 
 from __future__ import annotations
 
 from math import cos, sin
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.compiling import kernel
-from mapcli.algorithms.slam._kernels.surfel_map import Table, nearest_surfel
+from mapcli.algorithms.slam._kernels.surfel_map import (
+    INFORMATION_XX,
+    INFORMATION_XY,
+    INFORMATION_YY,
+    SURFEL_X,
+    SURFEL_Y,
+    SurfelTable,
+    nearest_surfel,
+)
 
 STILL, STILL_TURN = 5e-4, 1e-4
-"""Metres and radians; a pose that moves less is at the same walls as before."""
+"""Metres and radians; a pose that moves less has the same correspondences as before."""
 STEPS, LAST_STEP = 3, 0.2
-"""Of Gauss-Newton in a round at most; the last one moves this share of the above."""
-LEAST = 1e-9
-"""Information that is there anyway, so that every system can be solved."""
+"""Gauss-Newton steps in a round at most; the last one moves this share of the above."""
+ROUNDS = 2
+"""How often at most correspondences are searched: the second time few of them change."""
+LEAST_INFORMATION = 1e-9
+"""What is known anyway, so that every system can be solved."""
+SQUARED_SCALE = 3.0 * 3.0
+"""Of the robust kernel of points, s^2: at three standard deviations a point's weight is a
+quarter."""
 
-Pose = tuple[float, float, float]
-System = tuple[float, float, float, float, float, float, float, float, float]
-"""Normal equations of (x, y, theta): xx, xy, xt, yy, yt, tt of the matrix, then the gradient."""
+
+class Pose(NamedTuple):
+    """Of the robot in the map: metres, radians (not wrapped)."""
+
+    x: float
+    y: float
+    theta: float
+
+
+class NormalEquations(NamedTuple):
+    """J^T W J d = J^T W e for a small change d = (x, y, theta) of the pose, in the map's axes.
+
+    Attributes:
+        xx, xy, xt, yy, yt, tt: upper triangle of the symmetric matrix J^T W J, by rows: the
+            information of the scan on its pose.
+        gx, gy, gt: the right side J^T W e, minus half the gradient of the robust cost.
+    """
+
+    xx: float
+    xy: float
+    xt: float
+    yy: float
+    yt: float
+    tt: float
+    gx: float
+    gy: float
+    gt: float
+
+
+class Prediction(NamedTuple):
+    """Where the poses are expected, as odometry has it.
+
+    Attributes:
+        poses: shape (scans, 3), (x, y, theta); theta on the same turn of the circle as the pose.
+        information_xy, information_theta: m^-2 and rad^-2; 0 if nothing is expected.
+        squared_scale: of the robust kernel on its squared deviations: a prediction that the scan
+            contradicts by far has little weight.
+    """
+
+    poses: NDArray[np.float64]
+    information_xy: float
+    information_theta: float
+    squared_scale: float
+
+
+class Scans(NamedTuple):
+    """Points of scans, one scan after the other.
+
+    Attributes:
+        points: shape (n, 2), metres in the robot's frame.
+        bounds: shape (scans + 1,); scan k has points bounds[k] to bounds[k + 1] - 1.
+    """
+
+    points: NDArray[np.float64]
+    bounds: NDArray[np.int64]
+
+
+class Fits(NamedTuple):
+    """What `fit_scans` fills; a row is a scan.
+
+    Attributes:
+        poses: shape (scans, 3), (x, y, theta); the start poses before.
+        information: shape (scans, 6), the upper triangles by rows of the normal equations' matrices
+            at the poses, from the points alone.
+        matched: shape (scans,), how many points have a surfel near them.
+        correspondences: shape (n,), for each point, its surfel's slot; 0 for none.
+    """
+
+    poses: NDArray[np.float64]
+    information: NDArray[np.float64]
+    matched: NDArray[np.int64]
+    correspondences: NDArray[np.int64]
 
 
 @kernel
-def fit_scans(
-    table: Table,
-    points: NDArray[np.float64],
-    bounds: NDArray[np.int64],
-    poses: NDArray[np.float64],
-    predicted: NDArray[np.float64],
-    prior: tuple[float, float, float],
-    shape: tuple[float, float, float],
-    rounds: int,
-    partners: NDArray[np.int64],
-    systems: NDArray[np.float64],
-    fitted: NDArray[np.int64],
-) -> None:
-    """Fit scans, one by one, to the walls and to what odometry says.
-
-    Args:
-        points: of all scans, shape (n, 2), in the robot's frame; those of scan k are the ones
-            from bounds[k] to bounds[k + 1] - 1.
-        poses: shape (scans, 3), (x, y, theta) in the world; changed in place.
-        predicted: the same as odometry says.
-        prior: (information per squared metre, per squared radian, squared deviations at which
-            the prediction's say has fallen to a quarter).
-        shape: (cell, thickness of a wall, deviations at which a point's say is a quarter).
-        rounds: how often at most each point looks for its wall anew.
-        partners: as many as points, filled with their walls' slots, 0 for none.
-        systems: shape (scans, 6), filled with the upper triangles of the normal matrices at the
-            poses, from the points alone.
-        fitted: filled with how many points of each scan have a wall.
-    """
-    for k in range(len(poses)):
-        first, last = bounds[k], bounds[k + 1]
-        pose = (poses[k, 0], poses[k, 1], poses[k, 2])
-        guess = (predicted[k, 0], predicted[k, 1], predicted[k, 2])
-        for _ in range(rounds):
-            fitted[k] = associate(table, points, first, last, pose, shape, partners)
+def fit_scans(table: SurfelTable, scans: Scans, prediction: Prediction, fits: Fits) -> None:
+    """Fit scans, one by one, to the surfels and to what is predicted; fills `fits`."""
+    for k in range(len(fits.poses)):
+        first, last = scans.bounds[k], scans.bounds[k + 1]
+        points, correspondences = scans.points[first:last], fits.correspondences[first:last]
+        pose = Pose(fits.poses[k, 0], fits.poses[k, 1], fits.poses[k, 2])
+        for _ in range(ROUNDS):
+            fits.matched[k] = associate(table, points, pose, correspondences)
             begun = pose
-            pose, system = settle(
-                table[4], partners, points, first, last, pose, guess, prior, shape[2]
-            )
+            pose, system = gauss_newton(table, points, correspondences, pose, prediction, k)
             if is_still(begun, pose, 1.0):
                 break
         for j in range(3):
-            poses[k, j] = pose[j]
+            fits.poses[k, j] = pose[j]
         for j in range(6):
-            systems[k, j] = system[j]
+            fits.information[k, j] = system[j]
 
 
 @kernel
-def settle(
-    surfels: NDArray[np.float64],
-    partners: NDArray[np.int64],
+def associate(
+    table: SurfelTable,
     points: NDArray[np.float64],
-    first: int,
-    last: int,
     pose: Pose,
-    predicted: Pose,
-    prior: tuple[float, float, float],
-    doubt: float,
-) -> tuple[Pose, System]:
-    """The pose at which points fit the walls that they belong to, by Gauss-Newton, and the last
-    system on the way there, from the points alone."""
+    correspondences: NDArray[np.int64],
+) -> int:
+    """Find the surfel next to each point at a pose: fills `correspondences`, returns how many
+    points have one."""
+    c, s = cos(pose.theta), sin(pose.theta)
+    matched = 0
+    for p in range(len(points)):
+        px, py = points[p, 0], points[p, 1]
+        at = nearest_surfel(table, pose.x + c * px - s * py, pose.y + s * px + c * py)
+        correspondences[p] = at
+        matched += at > 0
+    return matched
+
+
+@kernel
+def gauss_newton(
+    table: SurfelTable,
+    points: NDArray[np.float64],
+    correspondences: NDArray[np.int64],
+    pose: Pose,
+    prediction: Prediction,
+    scan: int,
+) -> tuple[Pose, NormalEquations]:
+    """The pose at which points fit the surfels that they belong to, and the last normal equations
+    on the way there, from the points alone.
+
+    Args:
+        scan: which row of the prediction is this scan's.
+    """
     for _ in range(STEPS):
-        system = linearise(surfels, partners, points, first, last, pose, doubt)
+        system = linearise(table.surfels, points, correspondences, pose)
         before = pose
-        pose = stepped(pose, with_prior(system, pose, predicted, prior))
+        pose = solve_step(pose, with_prediction(system, pose, prediction, scan))
         if is_still(before, pose, LAST_STEP):
             break
     return pose, system
@@ -99,61 +183,45 @@ def settle(
 @kernel
 def is_still(before: Pose, after: Pose, share: float) -> bool:
     """Whether a pose has moved less than a share of STILL and STILL_TURN."""
-    off = abs(after[0] - before[0]) + abs(after[1] - before[1])
-    return off < share * STILL and abs(after[2] - before[2]) < share * STILL_TURN
-
-
-@kernel
-def associate(
-    table: Table,
-    points: NDArray[np.float64],
-    first: int,
-    last: int,
-    pose: Pose,
-    shape: tuple[float, float, float],
-    partners: NDArray[np.int64],
-) -> int:
-    """Find the surfels of points `first` to `last` - 1 at a pose: fills `partners`, returns how
-    many have one."""
-    x, y, theta = pose
-    c, s = cos(theta), sin(theta)
-    fitted = 0
-    for p in range(first, last):
-        px, py = points[p, 0], points[p, 1]
-        at = nearest_surfel(table, x + c * px - s * py, y + s * px + c * py, shape[0], shape[1])
-        partners[p] = at
-        fitted += at > 0
-    return fitted
+    off = abs(after.x - before.x) + abs(after.y - before.y)
+    return off < share * STILL and abs(after.theta - before.theta) < share * STILL_TURN
 
 
 @kernel
 def linearise(
     surfels: NDArray[np.float64],
-    partners: NDArray[np.int64],
     points: NDArray[np.float64],
-    first: int,
-    last: int,
+    correspondences: NDArray[np.int64],
     pose: Pose,
-    doubt: float,
-) -> System:
-    """How badly points `first` to `last` - 1 fit at a pose, as normal equations.
+) -> NormalEquations:
+    """The normal equations of the points that have a surfel, at a pose.
 
-    Args:
-        surfels, partners: the walls, and which one each point is at, 0 for none.
-        doubt: deviations at which a point's say is a quarter.
+    A point p of the robot is at t + r in the map, where r = R(theta) p = (rx, ry). A change of the
+    pose by (dx, dy, dtheta) moves it by J (dx, dy, dtheta)^T, with
+
+        J = [1  0  -ry]
+            [0  1   rx]
+
+    since a turn moves r to its left. With W the surfel's information times the robust weight, and
+    e = m - (t + r) the residual,
+
+        J^T W J = [ Wxx   Wxy   tx           ]      J^T W e = [ gx            ]
+                  [ Wxy   Wyy   ty           ]                [ gy            ]
+                  [ tx    ty    rx ty - ry tx]                [ rx gy - ry gx ]
+
+    where (tx, ty) = W (-ry, rx)^T and (gx, gy) = W e. Both are summed over the points.
     """
     x, y, theta = pose
     c, s = cos(theta), sin(theta)
     n_xx = n_xy = n_xt = n_yy = n_yt = n_tt = g_x = g_y = g_t = 0.0
-    for p in range(first, last):
-        at = partners[p]
+    for p in range(len(points)):
+        at = correspondences[p]
         if at == 0:
             continue
         px, py = points[p, 0], points[p, 1]
         rx, ry = c * px - s * py, s * px + c * py
-        ex, ey = surfels[at, 0] - x - rx, surfels[at, 1] - y - ry
-        xx, xy, yy = heeded(surfels, at, ex, ey, doubt)
-        # The columns of the information times how a turn moves the point, (-ry, rx).
+        ex, ey = surfels[at, SURFEL_X] - x - rx, surfels[at, SURFEL_Y] - y - ry
+        xx, xy, yy = weighted_information(surfels, at, ex, ey)
         tx, ty = xy * rx - xx * ry, yy * rx - xy * ry
         gx, gy = xx * ex + xy * ey, xy * ex + yy * ey
         n_xx += xx
@@ -165,50 +233,65 @@ def linearise(
         g_x += gx
         g_y += gy
         g_t += rx * gy - ry * gx
-    return n_xx, n_xy, n_xt, n_yy, n_yt, n_tt, g_x, g_y, g_t
+    return NormalEquations(n_xx, n_xy, n_xt, n_yy, n_yt, n_tt, g_x, g_y, g_t)
 
 
 @kernel
-def heeded(
-    surfels: NDArray[np.float64], at: int, ex: float, ey: float, doubt: float
+def weighted_information(
+    surfels: NDArray[np.float64], at: int, ex: float, ey: float
 ) -> tuple[float, float, float]:
-    """The information of a surfel for a point that is so far off it: the farther, the less."""
-    xx, xy, yy = surfels[at, 2], surfels[at, 3], surfels[at, 4]
+    """W = (xx, xy, yy): a surfel's information times the robust weight of a residual (ex, ey)."""
+    xx, xy, yy = (
+        surfels[at, INFORMATION_XX],
+        surfels[at, INFORMATION_XY],
+        surfels[at, INFORMATION_YY],
+    )
     square = xx * ex * ex + 2 * xy * ex * ey + yy * ey * ey
-    say = doubt * doubt / (doubt * doubt + square)
-    say *= say
-    return say * xx, say * xy, say * yy
+    root = root_of_weight(square, SQUARED_SCALE)
+    weight = root * root
+    return weight * xx, weight * xy, weight * yy
 
 
 @kernel
-def with_prior(
-    system: System, pose: Pose, predicted: Pose, prior: tuple[float, float, float]
-) -> System:
-    """Add the pull of the prediction, which weakens where the pose is far from it."""
-    n_xx, n_xy, n_xt, n_yy, n_yt, n_tt, g_x, g_y, g_t = system
-    per_metre, per_radian, knee = prior
-    x, y, turn = predicted[0] - pose[0], predicted[1] - pose[1], predicted[2] - pose[2]
-    say_xy = knee / (knee + per_metre * (x * x + y * y))
-    say_turn = knee / (knee + per_radian * turn * turn)
-    xy, theta = per_metre * say_xy * say_xy, per_radian * say_turn * say_turn
-    return (
-        n_xx + xy, n_xy, n_xt, n_yy + xy, n_yt, n_tt + theta,
-        g_x + xy * x, g_y + xy * y, g_t + theta * turn,
+def root_of_weight(square: float, squared_scale: float) -> float:
+    """The root of the robust weight of Geman and McClure, (s^2 / (s^2 + q))^2, of a squared
+    deviation q: 1 for none, a quarter where q = s^2."""
+    return squared_scale / (squared_scale + square)
+
+
+@kernel
+def with_prediction(
+    system: NormalEquations, pose: Pose, prediction: Prediction, scan: int
+) -> NormalEquations:
+    """Add the pull of the prediction, position and heading each with a robust weight of its own.
+
+    Its residual is predicted - pose and its Jacobian the identity.
+    """
+    x = prediction.poses[scan, 0] - pose.x
+    y = prediction.poses[scan, 1] - pose.y
+    turn = prediction.poses[scan, 2] - pose.theta
+    per_metre, per_radian = prediction.information_xy, prediction.information_theta
+    root_xy = root_of_weight(per_metre * (x * x + y * y), prediction.squared_scale)
+    root_turn = root_of_weight(per_radian * turn * turn, prediction.squared_scale)
+    xy, theta = per_metre * root_xy * root_xy, per_radian * root_turn * root_turn
+    return NormalEquations(
+        system.xx + xy, system.xy, system.xt, system.yy + xy, system.yt, system.tt + theta,
+        system.gx + xy * x, system.gy + xy * y, system.gt + theta * turn,
     )  # fmt: skip
 
 
 @kernel
-def stepped(pose: Pose, system: System) -> Pose:
-    """A pose after one step of Gauss-Newton: the solution of the system, by Cramer's rule."""
+def solve_step(pose: Pose, system: NormalEquations) -> Pose:
+    """A pose after one Gauss-Newton step: the solution of the system, by Cramer's rule."""
     a00, a01, a02, a11, a12, a22, x, y, z = system
-    a00 += LEAST
-    a11 += LEAST
-    a22 += LEAST
+    a00 += LEAST_INFORMATION
+    a11 += LEAST_INFORMATION
+    a22 += LEAST_INFORMATION
     c00, c01, c02 = a11 * a22 - a12 * a12, a02 * a12 - a01 * a22, a01 * a12 - a02 * a11
     c11, c12, c22 = a00 * a22 - a02 * a02, a01 * a02 - a00 * a12, a00 * a11 - a01 * a01
     determinant = a00 * c00 + a01 * c01 + a02 * c02
-    return (
-        pose[0] + (c00 * x + c01 * y + c02 * z) / determinant,
-        pose[1] + (c01 * x + c11 * y + c12 * z) / determinant,
-        pose[2] + (c02 * x + c12 * y + c22 * z) / determinant,
+    return Pose(
+        pose.x + (c00 * x + c01 * y + c02 * z) / determinant,
+        pose.y + (c01 * x + c11 * y + c12 * z) / determinant,
+        pose.theta + (c02 * x + c12 * y + c22 * z) / determinant,
     )
