@@ -30,7 +30,7 @@ def empty_table(room: int, extent: float = 0.0) -> kernels.SurfelTable:
 def table_of(points: Floats) -> tuple[kernels.SurfelTable, Used]:
     """A table with these points, and the numbers of tiles and slots in it."""
     table = empty_table(len(points) + 1, np.abs(points).max(initial=0.0))
-    done, used = kernels.add_points(table, Used(1, 1), points, 0)
+    done, used = kernels.add_points(table, (1, 1), points, 0)
     assert done == len(points)
     return table, used
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import os
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,8 +49,7 @@ SQUARED_PREDICTION_SCALE = 9.0
 three of them odometry is likely to have failed."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ScanFit:
+class ScanFit(NamedTuple):
     """A scan's pose, fitted to surfels.
 
     Attributes:
@@ -78,7 +76,7 @@ class SurfelMap:
 
     def __init__(self, cell: float) -> None:
         self.cell = cell
-        self._used = Used(1, 1)  # the first tile and the first slot are the empty ones
+        self._used: Used = 1, 1  # the first tile and the first slot are the empty ones
         tiles = np.zeros((START_TILES, SIDE, SIDE), np.int32)
         grid = SparseGrid(np.zeros((0, 0), np.int32), (0, 0), tiles)
         moments = np.zeros((START, 8))
@@ -96,14 +94,15 @@ class SurfelMap:
             done, self._used = kernels.add_points(self._table, self._used, points, done)
             if done < len(points):
                 self._make_room(points[done:])
-        self._table.states[: self._used.slots] = kernels.STALE
+        self._table.states[: self._used[1]] = kernels.STALE
 
     def _make_room(self, points: NDArray[np.float64]) -> None:
         """Have room for points, the first of which there is no room for."""
         grid, moments = self._table.grid, self._table.moments
-        if self._used.tiles == len(grid.tiles):
+        tiles, slots = self._used
+        if tiles == len(grid.tiles):
             self._table = self._table._replace(grid=grid._replace(tiles=_twice(grid.tiles)))
-        if self._used.slots == len(moments):
+        if slots == len(moments):
             self._table = _table_of(self._table.grid, _twice(moments), self.cell)
         cells = np.floor([points.min(axis=0) / self.cell, points.max(axis=0) / self.cell])
         low, high = ([int(end) >> SHIFT for end in ends] for ends in cells.tolist())
@@ -143,16 +142,23 @@ class SurfelMap:
         guess = predicted or start
         # Headings on the same turn of the circle.
         heading = start.theta + wrap_angle(guess.theta - start.theta)
-        fits = self._fit(
-            icp.Scans(points, np.array([0, len(points)])),
-            np.array([[start.x, start.y, start.theta]], np.float64),
-            np.array([[guess.x, guess.y, heading]], np.float64),
-            deviations,
+        strength = 1 / INDEPENDENT_SHARE  # of the prediction beside points that are weaker by it
+        weights = (
+            strength / deviations.xy**2,
+            strength / deviations.theta**2,
+            SQUARED_PREDICTION_SCALE * strength,
         )
-        ((x, y, theta),) = fits.poses.tolist()
-        ((xx, xy, xt, yy, yt, tt),) = (INDEPENDENT_SHARE * fits.information).tolist()
+        (x, y, theta), upper, matched = icp.fit_scan(
+            self._table,
+            points,
+            np.empty(len(points), np.int64),
+            (float(start.x), float(start.y), float(start.theta)),
+            (float(guess.x), float(guess.y), heading),
+            weights,
+        )
+        xx, xy, xt, yy, yt, tt = (INDEPENDENT_SHARE * entry for entry in upper)
         information = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
-        return ScanFit(Pose2D(x, y, wrap_angle(theta)), information, int(fits.matched[0]))
+        return ScanFit(Pose2D(x, y, wrap_angle(theta)), information, matched)
 
     def fit_each(
         self, scans: list[NDArray[np.float32]], starts: list[Pose2D]
@@ -161,7 +167,7 @@ class SurfelMap:
 
         Scans are fitted on all processors, each by itself, so that the result is always the same.
         """
-        kernels.update_all(self._table, self._used.slots)
+        kernels.update_all(self._table, self._used[1])
         n = SCANS_AT_ONCE
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             fits = pool.map(
@@ -173,42 +179,15 @@ class SurfelMap:
     def _fit_some(
         self, scans: list[NDArray[np.float32]], starts: list[Pose2D]
     ) -> list[tuple[Pose2D, int]]:
-        begin = np.array([(pose.x, pose.y, pose.theta) for pose in starts], np.float64)
+        poses = np.array([(pose.x, pose.y, pose.theta) for pose in starts], np.float64)
         points = np.concatenate(scans).astype(np.float64)
         bounds = np.cumsum([0, *(len(scan) for scan in scans)])
-        fits = self._fit(icp.Scans(points, bounds), begin, begin.copy(), UNKNOWN)
+        correspondences, matched = np.empty(len(points), np.int64), np.empty(len(poses), np.int64)
+        icp.fit_scans(self._table, points, bounds, correspondences, poses, matched)
         return [
             (Pose2D(x, y, wrap_angle(theta)), n)
-            for (x, y, theta), n in zip(fits.poses.tolist(), fits.matched.tolist(), strict=True)
+            for (x, y, theta), n in zip(poses.tolist(), matched.tolist(), strict=True)
         ]
-
-    def _fit(
-        self,
-        scans: icp.Scans,
-        starts: NDArray[np.float64],
-        predicted: NDArray[np.float64],
-        deviations: StandardDeviations,
-    ) -> icp.Fits:
-        """Fit scans from their start poses, which are changed.
-
-        Only a share of the points is independent, which weakens them against the prediction; here
-        the prediction is strengthened instead, which comes to the same.
-        """
-        share, count = 1 / INDEPENDENT_SHARE, len(starts)
-        prediction = icp.Prediction(
-            predicted,
-            share / deviations.xy**2,
-            share / deviations.theta**2,
-            SQUARED_PREDICTION_SCALE * share,
-        )
-        fits = icp.Fits(
-            poses=starts,
-            information=np.empty((count, 6)),
-            matched=np.empty(count, np.int64),
-            correspondences=np.empty(len(scans.points), np.int64),
-        )
-        icp.fit_scans(self._table, scans, prediction, fits)
-        return fits
 
 
 def _table_of(grid: SparseGrid, moments: NDArray[np.float64], cell: float) -> kernels.SurfelTable:

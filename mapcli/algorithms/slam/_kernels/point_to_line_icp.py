@@ -74,67 +74,107 @@ class NormalEquations(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """Where the poses are expected, as odometry has it.
+    """Where a pose is expected, as odometry has it.
 
     Attributes:
-        poses: shape (scans, 3), (x, y, theta); theta on the same turn of the circle as the pose.
+        pose: theta on the same turn of the circle as that of the pose that is fitted.
         information_xy, information_theta: m^-2 and rad^-2; 0 if nothing is expected.
         squared_scale: of the robust kernel on its squared deviations: a prediction that the scan
             contradicts by far has little weight.
     """
 
-    poses: NDArray[np.float64]
+    pose: Pose
     information_xy: float
     information_theta: float
     squared_scale: float
 
 
-class Scans(NamedTuple):
-    """Points of scans, one scan after the other.
+class Fit(NamedTuple):
+    """A fitted pose.
 
     Attributes:
-        points: shape (n, 2), metres in the robot's frame.
-        bounds: shape (scans + 1,); scan k has points bounds[k] to bounds[k + 1] - 1.
+        equations: normal equations of the last step, from the points alone: their matrix is the
+            information of the points on the pose, in the map's axes.
+        matched: how many points have a surfel near them.
     """
 
-    points: NDArray[np.float64]
-    bounds: NDArray[np.int64]
-
-
-class Fits(NamedTuple):
-    """What `fit_scans` fills; a row is a scan.
-
-    Attributes:
-        poses: shape (scans, 3), (x, y, theta); the start poses before.
-        information: shape (scans, 6), the upper triangles by rows of the normal equations' matrices
-            at the poses, from the points alone.
-        matched: shape (scans,), how many points have a surfel near them.
-        correspondences: shape (n,), for each point, its surfel's slot; 0 for none.
-    """
-
-    poses: NDArray[np.float64]
-    information: NDArray[np.float64]
-    matched: NDArray[np.int64]
-    correspondences: NDArray[np.int64]
+    pose: Pose
+    equations: NormalEquations
+    matched: int
 
 
 @kernel
-def fit_scans(table: SurfelTable, scans: Scans, prediction: Prediction, fits: Fits) -> None:
-    """Fit scans, one by one, to the surfels and to what is predicted; fills `fits`."""
-    for k in range(len(fits.poses)):
-        first, last = scans.bounds[k], scans.bounds[k + 1]
-        points, correspondences = scans.points[first:last], fits.correspondences[first:last]
-        pose = Pose(fits.poses[k, 0], fits.poses[k, 1], fits.poses[k, 2])
-        for _ in range(ROUNDS):
-            fits.matched[k] = associate(table, points, pose, correspondences)
-            begun = pose
-            pose, system = gauss_newton(table, points, correspondences, pose, prediction, k)
-            if is_still(begun, pose, 1.0):
-                break
-        for j in range(3):
-            fits.poses[k, j] = pose[j]
-        for j in range(6):
-            fits.information[k, j] = system[j]
+def fit_scan(
+    table: SurfelTable,
+    points: NDArray[np.float64],
+    correspondences: NDArray[np.int64],
+    start: tuple[float, float, float],
+    predicted: tuple[float, float, float],
+    weights: tuple[float, float, float],
+) -> tuple[tuple[float, ...], tuple[float, ...], int]:
+    """`fit_pose` for a call from Python, once or twice a scan: plain tuples get into compiled code
+    and out of it in a third of the time of records (4 of 13 microseconds a call).
+
+    Args:
+        start, predicted: fields of a `Pose`; weights: the other fields of a `Prediction`.
+
+    Returns:
+        The pose's fields, the upper triangle of its information by rows, and how many points have
+        a surfel.
+    """
+    prediction = Prediction(Pose(*predicted), *weights)
+    fit = fit_pose(table, points, correspondences, Pose(*start), prediction)
+    return fit.pose[:3], fit.equations[:6], fit.matched
+
+
+@kernel
+def fit_scans(
+    table: SurfelTable,
+    points: NDArray[np.float64],
+    bounds: NDArray[np.int64],
+    correspondences: NDArray[np.int64],
+    poses: NDArray[np.float64],
+    matched: NDArray[np.int64],
+) -> None:
+    """Fit many scans, each by itself, to the surfels alone.
+
+    Args:
+        points, correspondences: as for `fit_pose`, one scan after the other; those of scan k are
+            from bounds[k] to bounds[k + 1] - 1.
+        poses: shape (scans, 3), (x, y, theta); changed in place.
+        matched: shape (scans,), filled with how many points of each have a surfel.
+    """
+    for k in range(len(poses)):
+        part = slice(bounds[k], bounds[k + 1])
+        pose = Pose(poses[k, 0], poses[k, 1], poses[k, 2])
+        nothing = Prediction(pose, 0.0, 0.0, SQUARED_SCALE)
+        fit = fit_pose(table, points[part], correspondences[part], pose, nothing)
+        poses[k, 0], poses[k, 1], poses[k, 2] = fit.pose
+        matched[k] = fit.matched
+
+
+@kernel
+def fit_pose(
+    table: SurfelTable,
+    points: NDArray[np.float64],
+    correspondences: NDArray[np.int64],
+    pose: Pose,
+    prediction: Prediction,
+) -> Fit:
+    """Fit a scan's pose to the surfels near its points, and to what is predicted.
+
+    Args:
+        points: shape (n, 2), metres in the robot's frame.
+        correspondences: shape (n,), filled with the slot of each point's surfel, 0 for none.
+        pose: where to start, less than three cells off.
+    """
+    for _ in range(ROUNDS):
+        matched = associate(table, points, pose, correspondences)
+        begun = pose
+        pose, equations = gauss_newton(table.surfels, points, correspondences, pose, prediction)
+        if is_still(begun, pose, 1.0):
+            break
+    return Fit(pose, equations, matched)
 
 
 @kernel
@@ -158,26 +198,21 @@ def associate(
 
 @kernel
 def gauss_newton(
-    table: SurfelTable,
+    surfels: NDArray[np.float64],
     points: NDArray[np.float64],
     correspondences: NDArray[np.int64],
     pose: Pose,
     prediction: Prediction,
-    scan: int,
 ) -> tuple[Pose, NormalEquations]:
     """The pose at which points fit the surfels that they belong to, and the last normal equations
-    on the way there, from the points alone.
-
-    Args:
-        scan: which row of the prediction is this scan's.
-    """
+    on the way there, from the points alone."""
     for _ in range(STEPS):
-        system = linearise(table.surfels, points, correspondences, pose)
+        equations = linearise(surfels, points, correspondences, pose)
         before = pose
-        pose = solve_step(pose, with_prediction(system, pose, prediction, scan))
+        pose = solve_step(pose, with_prediction(equations, pose, prediction))
         if is_still(before, pose, LAST_STEP):
             break
-    return pose, system
+    return pose, equations
 
 
 @kernel
@@ -261,29 +296,29 @@ def root_of_weight(square: float, squared_scale: float) -> float:
 
 @kernel
 def with_prediction(
-    system: NormalEquations, pose: Pose, prediction: Prediction, scan: int
+    equations: NormalEquations, pose: Pose, prediction: Prediction
 ) -> NormalEquations:
     """Add the pull of the prediction, position and heading each with a robust weight of its own.
 
     Its residual is predicted - pose and its Jacobian the identity.
     """
-    x = prediction.poses[scan, 0] - pose.x
-    y = prediction.poses[scan, 1] - pose.y
-    turn = prediction.poses[scan, 2] - pose.theta
+    n, expected = equations, prediction.pose
+    x, y, turn = expected.x - pose.x, expected.y - pose.y, expected.theta - pose.theta
     per_metre, per_radian = prediction.information_xy, prediction.information_theta
     root_xy = root_of_weight(per_metre * (x * x + y * y), prediction.squared_scale)
     root_turn = root_of_weight(per_radian * turn * turn, prediction.squared_scale)
     xy, theta = per_metre * root_xy * root_xy, per_radian * root_turn * root_turn
     return NormalEquations(
-        system.xx + xy, system.xy, system.xt, system.yy + xy, system.yt, system.tt + theta,
-        system.gx + xy * x, system.gy + xy * y, system.gt + theta * turn,
+        n.xx + xy, n.xy, n.xt, n.yy + xy, n.yt, n.tt + theta,
+        n.gx + xy * x, n.gy + xy * y, n.gt + theta * turn,
     )  # fmt: skip
 
 
 @kernel
-def solve_step(pose: Pose, system: NormalEquations) -> Pose:
-    """A pose after one Gauss-Newton step: the solution of the system, by Cramer's rule."""
-    a00, a01, a02, a11, a12, a22, x, y, z = system
+def solve_step(pose: Pose, equations: NormalEquations) -> Pose:
+    """A pose after one Gauss-Newton step: the solution of the normal equations, by
+    Cramer's rule."""
+    a00, a01, a02, a11, a12, a22, x, y, z = equations
     a00 += LEAST_INFORMATION
     a11 += LEAST_INFORMATION
     a22 += LEAST_INFORMATION

@@ -41,11 +41,8 @@ class SparseGrid(NamedTuple):
     tiles: NDArray[np.int32]
 
 
-class Used(NamedTuple):
-    """How many tiles and slots are used, the empty tile 0 and the empty slot 0 included."""
-
-    tiles: int
-    slots: int
+Used = tuple[int, int]
+"""How many tiles and slots are used, the empty tile 0 and the empty slot 0 included."""
 
 
 @kernel
@@ -80,12 +77,12 @@ def enter(grid: SparseGrid, used: Used, most: int, u: int, v: int) -> tuple[int,
     slot: int = grid.tiles[tile, row, column]
     if slot:
         return slot, used
-    if used.slots == most or (tile == 0 and used.tiles == len(grid.tiles)):
+    tiles, slots = used
+    if slots == most or (tile == 0 and tiles == len(grid.tiles)):
         return 0, used
-    tiles = used.tiles
     if tile == 0:
         tile = tiles
         grid.directory[up, across] = tile
         tiles += 1
-    grid.tiles[tile, row, column] = used.slots
-    return used.slots, Used(tiles, used.slots + 1)
+    grid.tiles[tile, row, column] = slots
+    return slots, (tiles, slots + 1)

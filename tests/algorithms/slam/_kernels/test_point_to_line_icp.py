@@ -137,7 +137,7 @@ def test_a_points_weight_falls_to_a_quarter_at_the_kernel_scale() -> None:
 
 
 def prediction_cost(pose: Floats, prediction: icp.Prediction) -> float:
-    off, scale = prediction.poses[0] - pose, prediction.squared_scale
+    off, scale = np.array(prediction.pose) - pose, prediction.squared_scale
     squares = (
         prediction.information_xy * (off[:2] ** 2).sum(),
         prediction.information_theta * off[2] ** 2,
@@ -149,10 +149,10 @@ def prediction_cost(pose: Floats, prediction: icp.Prediction) -> float:
 @given(st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)))
 def test_the_prediction_pulls_down_its_cost(place: tuple[float, float, float]) -> None:
     pose, predicted = np.array(place), np.array([0.2, -0.1, 0.3])
-    prediction = icp.Prediction(predicted[None], 100.0, 400.0, 9.0)
+    prediction = icp.Prediction(pose_of(predicted), 100.0, 400.0, 9.0)
     known, pull = np.diag([5.0, 6.0, 7.0]) + 1, np.array([1.0, 2.0, 3.0])
     system = system_of(known, pull)
-    total = icp.with_prediction(system, pose_of(pose), prediction, 0)
+    total = icp.with_prediction(system, pose_of(pose), prediction)
     normal, gradient = (a - b for a, b in zip(full_of(total), (known, pull), strict=True))
     assert (normal == np.diag(np.diag(normal))).all()
     for k in range(3):
@@ -203,19 +203,15 @@ def room(step: float, start: float) -> Floats:
     return moved(np.concatenate(parts), np.array([0, 0, 0.3]))
 
 
-def fit_scans(
-    table: SurfelTable, scans: list[Floats], starts: list[Floats]
-) -> list[tuple[Floats, Floats, int]]:
-    """Pose, normal matrix and number of correspondences of each scan, without odometry."""
-    points, bounds = np.concatenate(scans), np.cumsum([0, *(len(scan) for scan in scans)])
-    poses, count = np.array(starts), len(scans)
-    fits = icp.Fits(
-        poses, np.empty((count, 6)), np.empty(count, np.int64), np.empty(len(points), np.int64)
+def fit(table: SurfelTable, points: Floats, start: Floats) -> tuple[Floats, Floats, int]:
+    """Pose, normal matrix and number of correspondences, without odometry."""
+    x, y, theta = start.tolist()
+    correspondences, nothing = np.empty(len(points), np.int64), (0.0, 0.0, 9.0)
+    pose, upper, matched = icp.fit_scan(
+        table, points, correspondences, (x, y, theta), (0.0, 0.0, 0.0), nothing
     )
-    unknown = icp.Prediction(poses.copy(), 0.0, 0.0, 9.0)
-    icp.fit_scans(table, icp.Scans(points, bounds), unknown, fits)
-    normals = [full_of(icp.NormalEquations(*rows, 0.0, 0.0, 0.0))[0] for rows in fits.information]
-    return list(zip(poses, normals, fits.matched.tolist(), strict=True))
+    assert matched == np.count_nonzero(correspondences)
+    return np.array(pose), full_of(icp.NormalEquations(*upper, 0.0, 0.0, 0.0))[0], matched
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -227,7 +223,7 @@ def test_a_fit_finds_a_pose_that_is_less_than_a_cell_off(seed: int) -> None:
     c, s = cos(true[2]), sin(true[2])
     points = (world - true[:2]) @ np.array([[c, -s], [s, c]])
     start = true + np.array([*rng.uniform(-CELL, CELL, 2) * 0.7, rng.uniform(-0.015, 0.015)])
-    ((pose, normal, matched),) = fit_scans(table, [points], [start])
+    pose, normal, matched = fit(table, points, start)
     # Nothing but corners, where two walls are in one cell, keeps it from being exact.
     assert np.hypot(*(pose - true)[:2]) < CELL / 10
     assert abs(pose[2] - true[2]) < radians(0.1)
@@ -239,17 +235,18 @@ def test_scans_are_fitted_each_for_itself() -> None:
     table, _ = table_of(room(0.02, 0.004))
     scans = [room(0.07, 0.031), room(0.3, 0.2), np.empty((0, 2)), room(0.2, 0.1)[:20]]
     starts = [np.array([0.01 * k, -0.02, 0.003 * k]) for k in range(4)]
-    together = fit_scans(table, scans, starts)
-    for scan, start, found in zip(scans, starts, together, strict=True):
-        ((pose, normal, matched),) = fit_scans(table, [scan], [start])
-        assert pose.tolist() == found[0].tolist()
-        assert normal.tolist() == found[1].tolist()
-        assert matched == found[2]
+    points, bounds = np.concatenate(scans), np.cumsum([0, *(len(scan) for scan in scans)])
+    poses, matched = np.array(starts), np.empty(len(scans), np.int64)
+    icp.fit_scans(table, points, bounds, np.empty(len(points), np.int64), poses, matched)
+    for k, (scan, start) in enumerate(zip(scans, starts, strict=True)):
+        pose, _, alone = fit(table, scan, start)
+        assert poses[k].tolist() == pose.tolist()
+        assert matched[k] == alone
 
 
 def test_a_fit_where_nothing_is_stays() -> None:
     start = np.array([1.0, 2.0, 3.0])
-    ((pose, normal, matched),) = fit_scans(empty_table(16), [room(0.5, 0.1)], [start])
+    pose, normal, matched = fit(empty_table(16), room(0.5, 0.1), start)
     assert pose.tolist() == [1, 2, 3]
     assert not normal.any()
     assert matched == 0

@@ -25,12 +25,12 @@ def empty(extent: int) -> kernels.SparseGrid:
 
 def entered(cells: list[Cell], extent: int) -> tuple[kernels.SparseGrid, list[int]]:
     """Tiles with these cells, and the slots that they got."""
-    grid, used, slots = empty(extent), kernels.Used(1, 1), []
+    grid, used, slots = empty(extent), (1, 1), []
     for cell in cells:
         slot, used = kernels.enter(grid, used, ROOM, *cell)
         slots.append(slot)
-    assert used.tiles == 1 + len({(u // kernels.SIDE, v // kernels.SIDE) for u, v in cells})
-    assert used.slots == 1 + len(set(cells))
+    assert used[0] == 1 + len({(u // kernels.SIDE, v // kernels.SIDE) for u, v in cells})
+    assert used[1] == 1 + len(set(cells))
     return grid, slots
 
 
@@ -75,11 +75,11 @@ def test_where_the_directory_ends() -> None:
 
 
 def test_no_room() -> None:
-    grid, enter, used = empty(0), kernels.enter, kernels.Used
+    grid, enter = empty(0), kernels.enter
     one, two = (grid._replace(tiles=grid.tiles[:count]) for count in (1, 2))
-    assert enter(grid, used(1, 1), 9, kernels.SIDE, 0) == (0, (1, 1))  # beyond
-    assert enter(one, used(1, 1), 9, 0, 0) == (0, (1, 1))  # no tile left
-    assert enter(grid, used(1, 1), 1, 0, 0) == (0, (1, 1))  # no slot left
+    assert enter(grid, (1, 1), 9, kernels.SIDE, 0) == (0, (1, 1))  # beyond
+    assert enter(one, (1, 1), 9, 0, 0) == (0, (1, 1))  # no tile left
+    assert enter(grid, (1, 1), 1, 0, 0) == (0, (1, 1))  # no slot left
     assert not grid.directory.any()
-    assert enter(grid, used(1, 1), 2, 0, 0) == (1, (2, 2))
-    assert enter(two, used(2, 2), 2, 0, 0) == (1, (2, 2))  # it has one
+    assert enter(grid, (1, 1), 2, 0, 0) == (1, (2, 2))
+    assert enter(two, (2, 2), 2, 0, 0) == (1, (2, 2))  # it has one

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from support.surfels import CELL, THICKNESS, Floats, empty_table, scattered, table_of
 
 from mapcli.algorithms.slam._kernels import surfel_map as kernels
-from mapcli.algorithms.slam._kernels.sparse_grid import Used, slot_of
+from mapcli.algorithms.slam._kernels.sparse_grid import slot_of
 
 Cell = tuple[int, int]
 
@@ -62,7 +62,7 @@ def test_points_of_a_second_scan_go_into_the_same_cells() -> None:
     points = scattered(0, 120, 0.3)
     expected, used = table_of(points)
     table = empty_table(len(expected.moments), 0.3)
-    _, halfway = kernels.add_points(table, Used(1, 1), points[:50], 0)
+    _, halfway = kernels.add_points(table, (1, 1), points[:50], 0)
     assert kernels.add_points(table, halfway, points, 50) == (120, used)
     assert np.array_equal(table.moments, expected.moments)
 
@@ -71,8 +71,8 @@ def test_points_are_added_as_far_as_there_is_room() -> None:
     points = np.array([(0.01, 0.01), (0.06, 0.01), (0.02, 0.01), (0.11, 0.01), (9.0, 0.0)])
     table = empty_table(4)
     for room, (first, used), expected in (
-        (3, (0, Used(1, 1)), (3, (2, 3))),  # two cells, and no more slots
-        (4, (3, Used(2, 3)), (4, (2, 4))),  # the third cell, and nothing so far away
+        (3, (0, (1, 1)), (3, (2, 3))),  # two cells, and no more slots
+        (4, (3, (2, 3)), (4, (2, 4))),  # the third cell, and nothing so far away
     ):
         part = table._replace(moments=table.moments[:room])
         assert kernels.add_points(part, used, points, first) == expected
