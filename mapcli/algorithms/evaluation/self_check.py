@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mapcli.algorithms.evaluation.relations import compare_relations
 from mapcli.algorithms.evaluation.trajectory_error import nearest
 from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
-from mapcli.algorithms.slam._kernels.branch_and_bound import overlap
+from mapcli.algorithms.slam.agreement import agreement
 from mapcli.algorithms.slam.match import MatchParameters
 from mapcli.algorithms.slam.motion_model import Spread
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
@@ -195,7 +195,7 @@ def align(
         window_xy=p.window_m, window_theta_deg=p.window_deg, prior=0.0, lost_below=0.0
     )
     match = best_pose(grid, scan, guess, Spread(1.0, 1.0, 0.0, reach=0.0), search)
-    enough = match.overlap >= p.shared * len(points) and match.score >= p.agreement
+    enough = match.known_points >= p.shared * len(points) and match.score >= p.agreement
     inside = guess.distance(match.pose) < p.window_m
     if not (match.found and enough and inside and _is_sharp(grid, points, match.pose, p)):
         return None
@@ -206,12 +206,11 @@ def _is_sharp(
     grid: OccupancyGrid, points: NDArray[np.float64], pose: Pose2D, p: SelfCheckParameters
 ) -> bool:
     """Whether the scan fits worse wherever it is shifted."""
-    cell, field = grid.parameters.resolution, grid.fields[0]
-    start = grid.pose_to_cells(pose)
-    best = overlap(grid.log_odds, field, points / cell, start)[1]
+    cell, start = grid.parameters.resolution, grid.pose_to_cells(pose)
+    best = agreement(grid, points / cell, start).score
     for direction in np.arange(8) * (math.tau / 8):
         shift = np.array([math.cos(direction), math.sin(direction), 0.0]) * (p.slide_m / cell)
-        if overlap(grid.log_odds, field, points / cell, start + shift)[1] > best - p.slide_loss:
+        if agreement(grid, points / cell, start + shift).score > best - p.slide_loss:
             return False
     return True
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam._kernels import branch_and_bound as kernels
+from mapcli.algorithms.slam.agreement import agreement
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
 from mapcli.algorithms.slam.match import Match, MatchParameters
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
@@ -59,9 +60,7 @@ def locate(grid: OccupancyGrid, perception: Perception, parameters: MatchParamet
     )  # fmt: skip
     best = grid.pose_to_cells(middle) + np.array([du, dv, turn * step])
     fit = grid.surfels.fit(points, grid.pose_from_cells(best))
-    overlap, score, _ = kernels.overlap(
-        grid.log_odds, grid.fields[0], points / cell, grid.pose_to_cells(fit.pose)
-    )
-    found = score >= CERTAIN and overlap >= parameters.lost_overlap * len(points)
-    match = Match(fit.pose, score, overlap, found)
+    score, known_points, _ = agreement(grid, points / cell, grid.pose_to_cells(fit.pose))
+    found = score >= CERTAIN and known_points >= parameters.lost_overlap * len(points)
+    match = Match(fit.pose, score, known_points, found)
     return match if found else replace(match, pose=Pose2D())

@@ -74,20 +74,20 @@ class Match:
     Attributes:
         pose: world pose of the robot.
         score: agreement of the scan with the map where both know something, 0 to 1.
-        overlap: points of the scan that fall there.
+        known_points: points of the scan that fall there.
         found: whether the scan could say anything; otherwise the pose is the odometry's.
         information: shape (3, 3), how well the map alone fixes the pose, in the robot's frame:
             the inverse of a covariance of metres and radians; None where it was not asked.
-        against: points of the scan where the map knows that there is no wall.
+        free_space_conflicts: points of the scan where the map knows that there is no wall.
         doubtful: another pose, far from the odometry's, agrees clearly better with the map.
     """
 
     pose: Pose2D
     score: float
-    overlap: int
+    known_points: int
     found: bool
     information: NDArray[np.float64] | None = None
-    against: int = 0
+    free_space_conflicts: int = 0
     doubtful: bool = False
 
 

@@ -156,7 +156,7 @@ class WheelFaults:
                 matches = self._judge(predicted, best, spread, scan)
             self._motion = motion
         if best.found:
-            share = best.overlap / scan.size
+            share = best.known_points / scan.size
             self._known += KNOWN_MEMORY * (share - self._known)
         self._found, self._seconds, self.way = before.between(best.pose), self._elapsed, ()
         decided = self._decide(matches, self.parameters.fits * usual) or best
@@ -205,16 +205,18 @@ class WheelFaults:
         against, left = self._against(stay, scan), _left(predicted, stay.pose, spread, p.far)
         for name, rival in list(self.rivals.items()):
             near = not _apart(rival.pose, best.pose, spread)
-            more = 0 if near else scan.contradictions(rival.pose, spread) - stay.against
+            more = (
+                0 if near else scan.contradictions(rival.pose, spread) - stay.free_space_conflicts
+            )
             if more > p.hopeless * scan.size:
                 del self.rivals[name]
                 continue
             match = best if near else scan.next_to(rival.pose, spread)
-            if match.overlap < p.overlap * stay.overlap:
+            if match.known_points < p.overlap * stay.known_points:
                 del self.rivals[name]
                 continue
             points = against - self._against(match, scan)
-            beyond = max(0.0, abs(points) - p.expected * stay.overlap)
+            beyond = max(0.0, abs(points) - p.expected * stay.known_points)
             evidence = rival.evidence + math.copysign(beyond, points)
             evidence += left - _left(rival.pose, match.pose, spread, p.far)
             self.rivals[name] = replace(rival, evidence=evidence, pose=match.pose)
@@ -223,8 +225,8 @@ class WheelFaults:
 
     def _against(self, match: Match, scan: ScanInMap) -> float:
         """Points that speak against a match."""
-        unknown = max(0.0, self._known * scan.size - match.overlap)
-        return match.against + self.parameters.unknown * unknown
+        unknown = max(0.0, self._known * scan.size - match.known_points)
+        return match.free_space_conflicts + self.parameters.unknown * unknown
 
     def _decide(self, matches: dict[Hypothesis, Match], low: float) -> Match | None:
         """The match of the strongest rival, if it must be believed; none below this score."""

@@ -28,6 +28,7 @@ from mapcli.algorithms.similarity.grid_table import scan_counts
 from mapcli.algorithms.similarity.measures import SignMap, Similarity, better, of_counts
 from mapcli.algorithms.similarity.perception_map import outline
 from mapcli.algorithms.slam._kernels import branch_and_bound as kernels
+from mapcli.algorithms.slam.agreement import FULL_SCORE, agreement
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
 from mapcli.algorithms.slam.match import Lately, Match, MatchParameters
 from mapcli.algorithms.slam.motion_model import Spread
@@ -90,7 +91,11 @@ class ScanInMap:
 
     def contradictions(self, pose: Pose2D, spread: Spread) -> int:
         """Points where the map knows that there is no wall."""
-        return self._window(pose, spread).at_once().against if self._says_something() else 0
+        return (
+            self._window(pose, spread).at_once().free_space_conflicts
+            if self._says_something()
+            else 0
+        )
 
     def next_to(self, predicted: Pose2D, spread: Spread) -> Match:
         """The match next to a predicted pose, or that pose where the scan says nothing."""
@@ -130,7 +135,7 @@ class _Window:
         self.stride = max(1, stride)
         # The best of the windows searched so far, on the grid of poses and refined.
         self.found: tuple[NDArray[np.float64], Match] | None = None
-        self.weight = kernels.FULL * max(len(points.metres), parameters.usual) * parameters.prior
+        self.weight = FULL_SCORE * max(len(points.metres), parameters.usual) * parameters.prior
 
     def best(self, lately: Lately) -> Match:
         """The best pose; a far wider window is searched when odometry seems lost."""
@@ -173,7 +178,7 @@ class _Window:
 
     def _is_usual(self, match: Match, usual_score: float) -> bool:
         """Whether a match is as good as others lately."""
-        enough = match.overlap >= self.parameters.lost_overlap * len(self.points.metres)
+        enough = match.known_points >= self.parameters.lost_overlap * len(self.points.metres)
         return enough and match.score >= usual_score - self.parameters.indifferent
 
     def _is_far(self, pose: Pose2D, deviations: float = 1.0) -> bool:
@@ -189,7 +194,7 @@ class _Window:
         wide_turn = math.radians(p.lost_theta_deg)
         self._cover(wide_xy, wide_turn)
         other = self._search(wide_xy, wide_turn)
-        enough = other.overlap >= p.lost_overlap * len(self.points.metres)
+        enough = other.known_points >= p.lost_overlap * len(self.points.metres)
         gain = other.score - best.score if enough and other.score >= low else 0.0
         doubtful = gain >= p.lost_gain
         again = lately.doubted and self.predicted.distance(other.pose) <= p.lost_leap
@@ -229,14 +234,11 @@ class _Window:
 
     def _compare(self, pose: Pose2D, information: NDArray[np.float64] | None = None) -> Match:
         """How well the scan agrees with the map at a pose."""
-        overlap, agreement, against = kernels.overlap(
-            self.grid.log_odds,
-            self.grid.fields[0],
-            self.points.cells,
-            self.grid.pose_to_cells(pose),
+        score, known, conflicts = agreement(
+            self.grid, self.points.cells, self.grid.pose_to_cells(pose)
         )
-        found = overlap >= self.parameters.fewest
-        return Match(pose, agreement, overlap, found, information, against)
+        found = known >= self.parameters.fewest
+        return Match(pose, score, known, found, information, conflicts)
 
     def _cover(self, half_xy: float, half_turn: float) -> None:
         """Make the map hold every point of every pose in the window."""
@@ -286,8 +288,6 @@ def best_of_fifteen(
     scores[counts.sum(axis=(2, 3)) == 0] = -np.inf
     position, turn = np.unravel_index(int(np.argmax(scores)), scores.shape)
     best = start + np.append(FIFTEEN.offsets[position], math.radians(FIFTEEN.turns_deg[turn]))
-    overlap, agreement, against = kernels.overlap(
-        grid.log_odds, grid.fields[0], perception.hits / cell, best
-    )
+    score, known, conflicts = agreement(grid, perception.hits / cell, best)
     pose = grid.pose_from_cells(best)
-    return Match(pose, agreement, overlap, found=overlap > 0, against=against)
+    return Match(pose, score, known, found=known > 0, free_space_conflicts=conflicts)

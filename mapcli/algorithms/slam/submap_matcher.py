@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam._kernels import branch_and_bound as kernels
 from mapcli.algorithms.slam._kernels.window_scores import fits
+from mapcli.algorithms.slam.agreement import FULL_SCORE, agreement
 from mapcli.algorithms.slam.keyframes import Keyframe, around
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
@@ -132,9 +133,7 @@ class SubmapMatcher:
         )  # fmt: skip
         best = start + np.array([du, dv, turn * TURN_STEP])
         fit = grid.surfels.fit(points, grid.pose_from_cells(best))
-        known, score, _ = kernels.overlap(
-            grid.log_odds, grid.fields[0], cells, grid.pose_to_cells(fit.pose)
-        )
+        score, known, _ = agreement(grid, cells, grid.pose_to_cells(fit.pose))
         at_edge = max(abs(du), abs(dv)) >= half[0] - EDGE or abs(turn) >= half[1] - EDGE
         doubt = self._doubt(grid, cells, best, (start - best)[:2].round(), half[0])
         covariance = covariance_from_information(fit.information_in_own_frame()) + self._floor()
@@ -196,7 +195,7 @@ class SubmapMatcher:
 
     def _prior(self, points: int, deviations: StandardDeviations) -> kernels.Prior:
         """What poses lose that the graph thinks unlikely, see `_kernels.matching.penalty`."""
-        most = self.parameters.prior * kernels.FULL * points
+        most = self.parameters.prior * FULL_SCORE * points
         xy, turn = deviations
         return most, 9.0, (self.map.resolution / xy) ** 2, (TURN_STEP / turn) ** 2
 
@@ -222,7 +221,7 @@ class SubmapMatcher:
         low_u, low_v = (math.ceil((c - reach) / STRIDE) * STRIDE for c in centre.tolist())
         sums = np.empty((count, count), np.int64)
         fits(grid.fields[1].reshape(-1), places, columns, (low_u, low_v), STRIDE, sums)
-        share = (sums - sums.max()) / (kernels.FULL * len(cells) * self.parameters.nearly)
+        share = (sums - sums.max()) / (FULL_SCORE * len(cells) * self.parameters.nearly)
         weights = np.exp(share)
         steps = np.arange(count) * STRIDE
         x, y = ((steps + low) * self.map.resolution for low in (low_u, low_v))

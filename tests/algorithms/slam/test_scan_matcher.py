@@ -90,8 +90,10 @@ def test_contradictions_by_hand() -> None:
     # The right wall of the room is 4.04 m ahead; a beam has passed 1.5 m ahead.
     here, ends = Pose2D(), [(4.04, 0.0), (1.5, 0.0), (4.9, 0.0)]
     scan = ScanInMap(mapped(here), seen(ends), MatchParameters(fewest=1, refine=False))
-    assert scan.next_to(here, NARROW).against == 1  # nothing is known beyond the wall
-    assert scan.next_to(Pose2D(-0.86), NARROW).against == 2  # now the farthest is the wall
+    assert scan.next_to(here, NARROW).free_space_conflicts == 1  # nothing is known beyond the wall
+    assert (
+        scan.next_to(Pose2D(-0.86), NARROW).free_space_conflicts == 2
+    )  # now the farthest is the wall
 
 
 def test_next_to_searches_nothing() -> None:
@@ -114,7 +116,7 @@ def test_window_finds_the_true_pose(off: tuple[float, float, float]) -> None:
     assert_at(match, HERE)
     assert match.found
     assert 0.7 < match.score <= 1
-    assert match.overlap > 50
+    assert match.known_points > 50
 
 
 def test_window_finds_a_pose_it_has_not_been_at() -> None:
@@ -149,7 +151,7 @@ def test_a_window_that_leaves_the_map() -> None:
     there = Pose2D(60, -70, 1)
     match = best_pose(grid, look(HERE), there, WIDE, MatchParameters())
     assert not match.found
-    assert match.overlap == 0
+    assert match.known_points == 0
     assert_at(match, there, xy=1e-9, degrees=1e-9)
 
 

@@ -13,12 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.compiling import kernel
-from mapcli.algorithms.slam._kernels.likelihood_field import WALL
-
-FULL = float(WALL)
-"""The field's value on a wall."""
-NO_WALL = 0.2 * FULL
-"""Less than this is at odds with the walls: two deviations from them, as a rule."""
 
 Prior = tuple[float, float, float, float]
 
@@ -272,24 +266,3 @@ def open_node(
                 else:
                     stack[depth, 0], stack[depth, 1], stack[depth, 2] = du, dv, level - 1
                     depth += 1
-
-
-@kernel
-def overlap(
-    log_odds: NDArray[np.int16],
-    field: NDArray[np.uint8],
-    points: NDArray[np.float64],
-    pose: NDArray[np.float64],
-) -> tuple[int, float, int]:
-    """(points on cells that the map knows or that border a wall, their share of agreement, points
-    on cells that the map knows and knows no wall near)."""
-    c, s = cos(pose[2]), sin(pose[2])
-    known, agreement, against = 0, 0.0, 0
-    for p in range(len(points)):
-        u = floor(pose[0] + c * points[p, 0] - s * points[p, 1])
-        v = floor(pose[1] + s * points[p, 0] + c * points[p, 1])
-        if log_odds[v, u] != 0 or field[v, u] > 0:
-            known += 1
-            agreement += field[v, u] / FULL
-            against += log_odds[v, u] != 0 and field[v, u] < NO_WALL
-    return known, agreement / max(known, 1), against

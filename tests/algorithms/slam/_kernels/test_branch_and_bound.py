@@ -2,50 +2,20 @@
 
 from __future__ import annotations
 
-from math import cos, floor, sin
+from math import floor
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from support.walls import MIDDLE, SIZE, Floats, fields_of, place, scan_around, walls
 
 from mapcli.algorithms.slam._kernels import branch_and_bound as kernels
-from mapcli.algorithms.slam._kernels.likelihood_field import update_field
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
-from mapcli.algorithms.slam.occupancy_grid import MapParameters
-
-Floats = NDArray[np.float64]
 
 SEEDS = st.integers(0, 2**32 - 1)
 FEW = settings(deadline=None, max_examples=40)
-BUMP = MapParameters(resolution=0.05, blur=0.05).bump()
-SIZE = 120
-MIDDLE = SIZE / 2
-
-
-def place(point: Floats, pose: Floats) -> tuple[float, float]:
-    """(u, v) of a point of the robot at a pose."""
-    c, s = cos(pose[2]), sin(pose[2])
-    return pose[0] + c * point[0] - s * point[1], pose[1] + s * point[0] + c * point[1]
-
-
-def walls(rng: np.random.Generator, count: int) -> NDArray[np.int16]:
-    """A map with some walls around its middle, some open cells and much that is unknown."""
-    log_odds = np.zeros((SIZE, SIZE), np.int16)
-    for _ in range(count):
-        v, u = rng.integers(46, SIZE - 56, 2)
-        length = rng.integers(1, 12)
-        part = log_odds[v, u : u + length] if rng.random() < 0.5 else log_odds[v : v + length, u]
-        part[:] = rng.choice([-100, 100])
-    return log_odds
-
-
-def fields_of(log_odds: NDArray[np.int16]) -> NDArray[np.uint8]:
-    fields = np.zeros((len(LEVEL_WIDTHS), *log_odds.shape), np.uint8)
-    update_field(fields, LEVEL_WIDTHS, log_odds, np.flatnonzero(log_odds > 0), BUMP)
-    return fields
-
 
 # --- thin
 
@@ -164,16 +134,6 @@ def slow_search(
     return best
 
 
-def scan_around(rng: np.random.Generator, log_odds: NDArray[np.int16], n: int) -> Floats:
-    """Points as a robot in the middle would see some of the walls, and some others."""
-    points = rng.uniform(-15, 15, (n, 2))
-    v, u = np.nonzero(log_odds > 0)
-    if len(v) and n:
-        some = rng.integers(0, len(v), n // 2)
-        points[: n // 2] = np.column_stack([u[some], v[some]]) + 0.5 - MIDDLE
-    return points
-
-
 @settings(deadline=None, max_examples=150)
 @given(
     seed=SEEDS,
@@ -256,36 +216,3 @@ def test_a_map_that_does_not_care_leaves_the_start() -> None:
     for top in (1, 2, 3):
         found = kernels.search(fields, LEVEL_WIDTHS, points, start, (9, 3), (1, 0.1), prior, top)
         assert found.tolist() == [0, 0, 0, 18, 18]
-
-
-# --- comparing maps
-
-
-@FEW
-@given(SEEDS, st.integers(0, 40))
-def test_overlap_as_its_twin(seed: int, n: int) -> None:
-    rng = np.random.default_rng(seed)
-    log_odds = walls(rng, 12)
-    field, points = fields_of(log_odds)[0], scan_around(rng, log_odds, n)
-    pose = np.array([*rng.uniform(MIDDLE - 6, MIDDLE + 6, 2), rng.uniform(-4, 4)])
-    values, contradicted = [], 0
-    for point in points:
-        u, v = (floor(x) for x in place(point, pose))
-        if log_odds[v, u] != 0 or field[v, u] != 0:
-            values.append(int(field[v, u]) / 255)
-            contradicted += bool(log_odds[v, u] and values[-1] < 0.2)
-    known, agreement, against = kernels.overlap(log_odds, field, points, pose)
-    assert known == len(values)
-    assert against == contradicted
-    assert agreement == pytest.approx(sum(values) / len(values) if values else 0.0)
-
-
-def test_overlap_by_hand() -> None:
-    log_odds, field = np.zeros((9, 9), np.int16), np.zeros((9, 9), np.uint8)
-    log_odds[2, 2:5] = [-9, 9, 9]
-    field[2, 2:6] = [0, 255, 51, 102]  # the last is unknown, beside a wall
-    points = np.column_stack([np.arange(8.0), np.zeros(8)]) + 0.5
-    known, agreement, against = kernels.overlap(log_odds, field, points, np.array([0.0, 2.0, 0.0]))
-    assert known == 4
-    assert against == 1  # 51 is as near to a wall as may be
-    assert agreement == pytest.approx((0 + 1 + 0.2 + 0.4) / 4)
