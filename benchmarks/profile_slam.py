@@ -21,10 +21,10 @@ from typing import Any
 
 from data import find_logs
 
+from mapcli.algorithms.slam.replay import ReplayRun
 from mapcli.algorithms.slam.slam import Slam
-from mapcli.commands._log_options import LogInput
-from mapcli.commands._replay import Replay
 from mapcli.commands._replay_outputs import ReplayOutputs, write_outputs
+from mapcli.formats.logs.open_log import open_log
 
 STAGES = {
     "perceiving": ("mapcli.algorithms.slam.slam", "perceive"),
@@ -117,24 +117,19 @@ class Profile:
 
         return counted
 
-    def _run(self, log: Path) -> None:
-        replay = Replay(LogInput().open([str(log)]), LogInput(), Slam())
-        records = replay.log.records
-        replay.log.records = lambda: self.watch.timed_items("reading", records())  # type: ignore[method-assign]
+    def _run(self, path: Path) -> None:
+        log, run = open_log([str(path)]), ReplayRun(Slam())
         start = time.perf_counter()
-        replay.run(quiet=True)
+        for _ in run.track(self.watch.timed_items("reading", log.records())):
+            pass
+        run.finalise()
+        replayed = run.result()
         total = time.perf_counter() - start
         self.watch.seconds["other"] = total - sum(self.watch.seconds.values())
+        head = {"inputs": log.digests(), "parameters": {}}
         with tempfile.TemporaryDirectory() as folder:
-            write = self.watch.timed("writing", self._write)
-            write(replay, ReplayOutputs.in_folder(folder))
-
-    @staticmethod
-    def _write(replay: Replay, outputs: ReplayOutputs) -> None:
-        head = {"inputs": replay.log.digests(), "parameters": replay.effective_parameters()}
-        write_outputs(
-            outputs, replay.grid(), replay.trace(), head, replay.summary(), no_clobber=False
-        )
+            write = self.watch.timed("writing", write_outputs)
+            write(ReplayOutputs.in_folder(folder), replayed, head, no_clobber=False)
 
     def stage_row(self, name: str) -> str:
         """Seconds per stage, and all together."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from mapcli.algorithms.slam.replay import Replayed
 from mapcli.commands._output import check_outputs, output_file, write_bytes, write_files
 from mapcli.formats.documents.trajectory import WRITERS, dump_trajectory
 from mapcli.formats.maps.dump import SUFFIXES, SaveOptions, dump_map
@@ -84,10 +85,8 @@ def _suffix(name: str | None) -> str:
 
 def write_outputs(
     outputs: ReplayOutputs,
-    grid: GridMap,
-    trace: PoseTrace,
+    replayed: Replayed,
     head: Mapping[str, Any],
-    summary: ReplaySummary,
     *,
     no_clobber: bool,
 ) -> None:
@@ -99,9 +98,10 @@ def write_outputs(
     Raises:
         OutputError: a file cannot be written.
     """
+    grid, trace = replayed.map, replayed.trace
     writers: tuple[tuple[str | None, Callable[[str], None]], ...] = (
         (outputs.map, lambda f: _write_map(f, grid, no_clobber)),
-        (outputs.json, lambda f: _write_json(f, trace, head, summary, no_clobber)),
+        (outputs.json, lambda f: _write_json(f, trace, head, replayed.summary, no_clobber)),
         (outputs.trace, lambda f: _write_trace(f, trace, no_clobber)),
         (outputs.mcap, lambda f: _write_mcap(f, grid, trace, no_clobber)),
         (outputs.png, lambda f: _write_png(f, grid, trace, no_clobber)),

@@ -28,7 +28,7 @@ from mapcli.commands._options import (
     common_options,
     no_clobber_option,
 )
-from mapcli.commands._replay import Replay
+from mapcli.commands._replay import effective_parameters, replay_log
 from mapcli.commands._replay_outputs import (
     ReplayOutputs,
     check_replay_outputs,
@@ -140,22 +140,22 @@ def command(
     check_replay_outputs(outputs, inputs, list(files.values()), no_clobber=no_clobber)
     parameters = slam_parameters(loops=loop_closing and not known, frozen=localize, **model)
     slam = Slam(parameters, initial_pose, known_map(base, parameters) if base else None)
-    replay = Replay(log_input.open(logs), log_input, slam, files)
-    replay.run(quiet=quiet)
-    summary, grid = replay.summary(), replay.grid()
-    head = {"inputs": replay.log.digests(), "parameters": replay.effective_parameters()}
-    write_outputs(outputs, grid, replay.trace(), head, summary, no_clobber=no_clobber)
-    write_perceptions(files, replay.kept, replay.trace(), parameters.perception, replay.log.name,
+    log = log_input.open(logs)
+    replayed, run = replay_log(log, log_input, slam, files, quiet=quiet)
+    summary = replayed.summary
+    head = {"inputs": log.digests(), "parameters": effective_parameters(log_input, slam)}
+    write_outputs(outputs, replayed, head, no_clobber=no_clobber)
+    write_perceptions(files, run.kept, replayed.trace, parameters.perception, log.name,
                       no_clobber=no_clobber)  # fmt: skip
     if not quiet:
         if model["similarity"] and parameters.match.search != "book":
             click.echo("Note: --similarity is for --search book and changes nothing.", err=True)
-        say_notes(replay.log, verbose=verbose)
-        report(summary, grid, outputs)
-    if replay.interrupted:
+        say_notes(log, verbose=verbose)
+        report(summary, replayed.map, outputs)
+    if run.interrupted:
         raise KeyboardInterrupt
     for limit in limits:
-        limit.check(summary.numbers(), replay.log.name)
+        limit.check(summary.numbers(), log.name)
 
 
 def slam_parameters(

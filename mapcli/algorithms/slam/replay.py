@@ -1,0 +1,153 @@
+"""A replay of a log's records through Algorithm 9.2, from the first record to the results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from types import MappingProxyType
+
+from mapcli.algorithms.slam.back_end import BackEndResult
+from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
+from mapcli.algorithms.slam.slam import Slam, SlamParameters
+from mapcli.errors import DataError
+from mapcli.model.grid import GridMap
+from mapcli.model.pose import Pose2D
+from mapcli.model.scan import RangeScan, Record
+from mapcli.model.summary import ReplaySummary
+from mapcli.model.trace import PoseTrace, TracedPose
+
+
+@dataclass(frozen=True, eq=False)
+class Replayed:
+    """What a replay found out.
+
+    Attributes:
+        map: obstacle probabilities in the frame of the poses.
+        trace: the pose of the robot in the map at every scan, and the loops closed.
+        summary: what became of the scans.
+    """
+
+    map: GridMap
+    trace: PoseTrace
+    summary: ReplaySummary
+
+
+def replay(
+    records: Iterable[Record],
+    parameters: SlamParameters | None = None,
+    *,
+    start: Pose2D | None = None,
+    known: GridMap | None = None,
+) -> Replayed:
+    """Turn the records of a log into a map and the robot's trajectory (Algorithm 9.2).
+
+    Args:
+        records: odometry and scans in stamp order, of `mapcli.open_log(...).records()`.
+        parameters: how; see there.
+        start: pose of the robot in the map at the first scan. By default the map's origin; in a
+            known map it is searched for.
+        known: a map to go on from instead of an empty one.
+
+    Raises:
+        DataError: no scan among the records, a known map that cannot be gone on from, or a robot
+            that is nowhere in it.
+    """
+    p = parameters or SlamParameters()
+    grid = None if known is None else OccupancyGrid.of(known, p.map)
+    run = ReplayRun(Slam(p, start, grid))
+    for _ in run.track(records):
+        pass
+    run.finalise()
+    return run.result()
+
+
+class ReplayRun:
+    """One replay (stateful), from which the results may be taken even when it is stopped early.
+
+    Attributes:
+        slam: the algorithm with its map.
+        poses: as tracked so far.
+        finalised: poses and map after loop closure and refinement; None if there was nothing to
+            improve.
+        interrupted: to be set by who stopped it.
+        kept: the scans whose numbers are in `keep`.
+    """
+
+    def __init__(self, slam: Slam, keep: Container[int] = ()) -> None:
+        self.slam = slam
+        self.poses: list[TracedPose] = []
+        self.finalised: BackEndResult | None = None
+        self.interrupted = False
+        self.kept: dict[int, RangeScan] = {}
+        self._keep, self._scans_read = keep, 0
+
+    def track(self, records: Iterable[Record]) -> Iterator[TracedPose]:
+        """Every scan with its pose, as the log goes on."""
+        for pose in self.slam.replay(self._noted(records)):
+            self.poses.append(pose)
+            yield pose
+
+    def _noted(self, records: Iterable[Record]) -> Iterator[Record]:
+        """The records; scans are counted, and kept if they are to be."""
+        for record in records:
+            if isinstance(record, RangeScan):
+                if self._scans_read in self._keep:
+                    self.kept[self._scans_read] = record
+                self._scans_read += 1
+            yield record
+
+    def finalise(self, progress: Callable[[int], None] = lambda submap: None) -> None:
+        """Close loops and refine all poses; see `Slam.finalise`."""
+        self.finalised = self.slam.finalise(progress)
+
+    def result(
+        self, damage: Mapping[str, int] = MappingProxyType({}), unread: Sequence[str] = ()
+    ) -> Replayed:
+        """Map, trace and summary.
+
+        Args:
+            damage: what was wrong with the log -> how often.
+            unread: which of these kinds cost scans.
+
+        Raises:
+            DataError: there was no scan.
+        """
+        if not self.poses:
+            raise DataError("no scan in the part asked for")
+        skipped = {what: damage[what] for what in unread}
+        if self._scans_read > len(self.poses):
+            missed = self._scans_read - len(self.poses)
+            skipped["scans not reached before the interruption"] = missed
+        trace = self.trace()
+        grid = self.slam.map if self.finalised is None else self.finalised.grid
+        return Replayed(grid.to_grid_map(), trace, self._summary(trace, damage, skipped))
+
+    def trace(self) -> PoseTrace:
+        """The poses until now, and the loops closed."""
+        if self.finalised is None:
+            return PoseTrace(tuple(self.poses))
+        refined = zip(self.poses, self.finalised.poses, strict=True)
+        poses = tuple(replace(traced, pose=pose) for traced, pose in refined)
+        steps = tuple(a.pose.between(b.pose) for a, b in pairwise(self.poses))
+        return PoseTrace(poses, self.finalised.loops, steps)
+
+    def _summary(
+        self, trace: PoseTrace, damage: Mapping[str, int], skipped: Mapping[str, int]
+    ) -> ReplaySummary:
+        statuses = [pose.status for pose in self.poses]
+        return ReplaySummary(
+            scans=len(self.poses) + sum(skipped.values()),
+            used=len(self.poses),
+            matched=statuses.count("matched"),
+            odometry=statuses.count("odometry"),
+            skipped=skipped,
+            distance_m=trace.distance(),
+            duration_s=(self.poses[-1].stamp_ns - self.poses[0].stamp_ns) * 1e-9,
+            loops=len(trace.loops),
+            mean_score=trace.mean_score(),
+            odometry_jumps=self.slam.odometry.jumps,
+            odometry_faults=self.slam.faults.scans,
+            damage=damage,
+            interrupted=self.interrupted,
+        )
