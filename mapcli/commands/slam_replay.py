@@ -10,7 +10,7 @@ import click
 
 from mapcli.algorithms.scans.perception import PerceptionParameters
 from mapcli.algorithms.similarity.measures import SIMILARITIES
-from mapcli.algorithms.slam.local_map import CurrentMapParameters
+from mapcli.algorithms.slam.local_map import LocalMapParameters
 from mapcli.algorithms.slam.log_odds import units_of
 from mapcli.algorithms.slam.loop_closure import LoopParameters
 from mapcli.algorithms.slam.match import MatchParameters
@@ -43,7 +43,7 @@ from mapcli.model.pose import Pose2D
 from mapcli.model.summary import Limit
 
 MAP, MATCH, PERCEPTION = MapParameters(), MatchParameters(), PerceptionParameters()
-CURRENT = CurrentMapParameters()
+CURRENT = LocalMapParameters()
 
 
 def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Command], Command]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import cast, edges_of
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
-from mapcli.algorithms.slam.motion_model import OdometryModel
+from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.occupancy_grid import MapParameters
 from mapcli.algorithms.slam.scan_points import thinned
 from mapcli.model.pose import Pose2D
@@ -107,7 +107,7 @@ def trajectory_of(tracked: list[Pose2D], seen: list[Perception]) -> TrackedTraje
     trajectory = TrackedTrajectory()
     for pose, perception in zip(tracked, seen, strict=True):
         trajectory.add(pose, thinned(perception.hits, MAP.resolution))
-        trajectory.add_keyframe(perception, MATCH, OdometryModel())
+        trajectory.add_keyframe(perception, MATCH, MotionModel())
     return trajectory
 
 

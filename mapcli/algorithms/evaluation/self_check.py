@@ -21,7 +21,7 @@ from mapcli.algorithms.evaluation.trajectory_error import nearest
 from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.slam.agreement import agreement
 from mapcli.algorithms.slam.match import MatchParameters
-from mapcli.algorithms.slam.motion_model import Spread
+from mapcli.algorithms.slam.motion_model import OdometryUncertainty
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
 from mapcli.algorithms.slam.scan_matcher import best_pose
 from mapcli.algorithms.slam.scan_points import thinned
@@ -29,6 +29,7 @@ from mapcli.errors import DataError
 from mapcli.model.evaluation import Evaluation
 from mapcli.model.pose import Pose2D, interpolate
 from mapcli.model.scan import RangeScan, Record
+from mapcli.model.se2_uncertainty import StandardDeviations
 from mapcli.model.trajectory import Relations, Stamps, Trajectory, wrap_angles
 
 Pair = tuple[int, int]
@@ -194,7 +195,13 @@ def align(
     search = MatchParameters(
         window_xy=p.window_m, window_theta_deg=p.window_deg, prior=0.0, lost_below=0.0
     )
-    match = best_pose(grid, scan, guess, Spread(1.0, 1.0, 0.0, reach=0.0), search)
+    match = best_pose(
+        grid,
+        scan,
+        guess,
+        OdometryUncertainty(StandardDeviations(1.0, 1.0), 0.0, window_sigmas=0.0),
+        search,
+    )
     enough = match.known_points >= p.shared * len(points) and match.score >= p.agreement
     inside = guess.distance(match.pose) < p.window_m
     if not (match.found and enough and inside and _is_sharp(grid, points, match.pose, p)):

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
-from mapcli.algorithms.slam.motion_model import OdometryModel
+from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.model.pose import Pose2D, interpolate
 from mapcli.model.se2_uncertainty import (
     Covariance,
@@ -78,7 +78,7 @@ class TrackedTrajectory:
             self.keyframes[k] = replace(self.keyframes[k], pose=pose, metres=metres)
 
     def add_keyframe(
-        self, perception: Perception, match: InformationMatrix | None, wheels: OdometryModel
+        self, perception: Perception, match: InformationMatrix | None, wheels: MotionModel
     ) -> None:
         """The last scan is a keyframe; `match` is the information from the map, if any."""
         motion, metres, pose = Pose2D(), 0.0, self.poses[-1]
@@ -94,12 +94,13 @@ TRACKING = StandardDeviations(0.015, math.radians(0.15))
 
 
 def step_covariance(
-    motion: Pose2D, match: InformationMatrix | None, wheels: OdometryModel
+    motion: Pose2D, match: InformationMatrix | None, wheels: MotionModel
 ) -> Covariance:
     """Of a motion from keyframe to keyframe, shape (3, 3): map and wheels together say where the
     robot is, and neither is better than tracking is at best."""
-    spread, way = wheels.spread(motion), math.hypot(motion.x, motion.y) + abs(motion.theta)
-    information = StandardDeviations(spread.xy, spread.turn).information()
+    deviations = wheels.uncertainty(motion).deviations
+    way = math.hypot(motion.x, motion.y) + abs(motion.theta)
+    information = deviations.information()
     covariance = covariance_from_information(information if match is None else information + match)
     floor: Covariance = max(way, 0.01) * TRACKING.covariance()
     return covariance + floor

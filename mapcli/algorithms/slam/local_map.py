@@ -22,7 +22,7 @@ ROOM_M = 15.0
 
 
 @dataclass(frozen=True)
-class CurrentMapParameters:
+class LocalMapParameters:
     """When the current map is written to, and what it forgets.
 
     Attributes:
@@ -44,7 +44,7 @@ class CurrentMapParameters:
     frozen: bool = False
 
 
-class CurrentMap:
+class LocalMap:
     """The map being made (stateful: `update` changes it).
 
     It forgets by giving way, after `most_m`, to a younger map that was begun `least_m` before.
@@ -53,7 +53,7 @@ class CurrentMap:
         grid: what to compare with.
     """
 
-    def __init__(self, grid: OccupancyGrid, parameters: CurrentMapParameters) -> None:
+    def __init__(self, grid: OccupancyGrid, parameters: LocalMapParameters) -> None:
         self.grid, self.parameters = grid, parameters
         self._younger: OccupancyGrid | None = None
         self._updated_at: Pose2D | None = None

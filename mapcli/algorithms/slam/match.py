@@ -92,7 +92,7 @@ class Match:
 
 
 @dataclass(frozen=True, slots=True)
-class Lately:
+class MatchHistory:
     """What the scans before tell.
 
     Attributes:

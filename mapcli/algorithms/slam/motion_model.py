@@ -15,9 +15,12 @@ from mapcli.model.se2_uncertainty import StandardDeviations
 HIGHEST_SPEED = 5.0
 """Metres per second; odometry that claims more (and more than a metre) has jumped."""
 
+WINDOW_SIGMAS, SILENT_WINDOW_SIGMAS = 4.0, 2.0
+"""Half-widths of the search window, in standard deviations: with odometry and without."""
+
 
 @dataclass(frozen=True)
-class OdometryModel:
+class MotionModel:
     """How far odometry may err over one step: standard deviations.
 
     Attributes:
@@ -38,33 +41,33 @@ class OdometryModel:
     silent_xy: float = 0.3
     silent_turn_deg: float = 10.0
 
-    def spread(self, motion: Pose2D | None) -> Spread:
+    def uncertainty(self, motion: Pose2D | None) -> OdometryUncertainty:
         """What to expect after a motion; None is unknown."""
         if motion is None:
-            return Spread(self.silent_xy, math.radians(self.silent_turn_deg), 0.0, reach=2.0)
+            deviations = StandardDeviations(self.silent_xy, math.radians(self.silent_turn_deg))
+            return OdometryUncertainty(deviations, 0.0, SILENT_WINDOW_SIGMAS)
         metres, turn = math.hypot(motion.x, motion.y), abs(motion.theta)
-        return Spread(
+        deviations = StandardDeviations(
             self.xy_floor + self.xy_per_m * metres + self.xy_per_rad * turn,
             math.radians(self.turn_floor_deg + self.turn_deg_per_m * metres)
             + self.turn_per_rad * turn,
-            metres,
         )
+        return OdometryUncertainty(deviations, metres)
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
-    """How far off a predicted pose may be.
+class OdometryUncertainty:
+    """How far off a pose that odometry predicts may be.
 
     Attributes:
-        xy, turn: standard deviations, metres and radians.
+        deviations: standard deviations of the predicted pose.
         metres: driven since the pose before.
-        reach: standard deviations to look on either side.
+        window_sigmas: half-width of the search window, in standard deviations.
     """
 
-    xy: float
-    turn: float
+    deviations: StandardDeviations
     metres: float
-    reach: float = 4.0
+    window_sigmas: float = WINDOW_SIGMAS
 
 
 class DeadReckoning:
@@ -77,10 +80,10 @@ class DeadReckoning:
 
     def __init__(
         self,
-        model: OdometryModel | None = None,
+        model: MotionModel | None = None,
         calibration: CalibrationParameters | None = None,
     ) -> None:
-        self.model = model or OdometryModel()
+        self.model = model or MotionModel()
         self.calibration = OdometryCalibration(calibration)
         self.jumps = 0
         self._last: tuple[int, Pose2D | None] | None = None
@@ -101,14 +104,13 @@ class DeadReckoning:
             return None
         return last[1].between(odom)
 
-    def spread(self, motion: Pose2D | None) -> Spread:
+    def uncertainty(self, motion: Pose2D | None) -> OdometryUncertainty:
         """How far off a predicted pose may be after a motion."""
-        return self.model.spread(motion)
+        return self.model.uncertainty(motion)
 
-    def learn(self, found: Pose2D, information: NDArray[np.float64] | None) -> None:
+    def calibrate(self, found: Pose2D, information: NDArray[np.float64] | None) -> None:
         """Compare the last motion with the one that the map shows, see `OdometryCalibration`."""
         if self._counted is not None and information is not None:
-            spread = self.model.spread(self._counted)
-            self.calibration.learn(
-                self._counted, found, information, StandardDeviations(spread.xy, spread.turn)
+            self.calibration.calibrate(
+                self._counted, found, information, self.model.uncertainty(self._counted).deviations
             )

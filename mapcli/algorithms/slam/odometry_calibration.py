@@ -39,7 +39,7 @@ class CalibrationParameters:
 
 
 class OdometryCalibration:
-    """Factors on what odometry says (stateful: `learn` changes them).
+    """Factors on what odometry says (stateful: `calibrate` changes them).
 
     Attributes:
         metres: metres driven for each one counted; turns: the same for turns.
@@ -59,23 +59,23 @@ class OdometryCalibration:
         turn = self.turns * motion.theta + self.drift * motion.x
         return Pose2D(self.metres * motion.x, self.metres * motion.y, wrap_angle(turn))
 
-    def learn(
+    def calibrate(
         self,
         counted: Pose2D,
         found: Pose2D,
         information: InformationMatrix,
-        spread: StandardDeviations,
+        deviations: StandardDeviations,
     ) -> None:
         """Compare a counted motion with the one found in the map.
 
         Args:
             information: on the pose found, shape (3, 3), in the robot's frame, from the map alone.
-            spread: standard deviations of odometry for this motion, metres and radians.
+            deviations: standard deviations of odometry for this motion, metres and radians.
         """
         p = self.parameters
         expected = self.correct(counted)
         off, turned = found.distance(expected), abs(wrap_angle(found.theta - expected.theta))
-        if off > p.doubt * spread.xy or turned > p.doubt * spread.theta:
+        if off > p.doubt * deviations.xy or turned > p.doubt * deviations.theta:
             return
         covariance = covariance_from_information(information).tolist()
         # Signs as instruments: squares of what the wheels count would count their noise as well.

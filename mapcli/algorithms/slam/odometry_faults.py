@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from mapcli.algorithms.slam.match import Match
-from mapcli.algorithms.slam.motion_model import Spread
+from mapcli.algorithms.slam.motion_model import OdometryUncertainty
 from mapcli.algorithms.slam.scan_matcher import ScanInMap
 from mapcli.model.pose import Pose2D
 
@@ -77,7 +77,7 @@ class FaultParameters:
 
 
 @dataclass(frozen=True, slots=True)
-class Rival:
+class AlternativeHypothesis:
     """A hypothesis that parted from the believed one some scans ago.
 
     Attributes:
@@ -93,7 +93,7 @@ class Rival:
     way: tuple[Pose2D, ...] = ()
 
 
-class WheelFaults:
+class OdometryFaults:
     """What the robot may be doing (stateful: evidence adds up).
 
     Attributes:
@@ -107,7 +107,7 @@ class WheelFaults:
     def __init__(self, parameters: FaultParameters | None = None) -> None:
         self.parameters = parameters or FaultParameters()
         self.believed: Hypothesis = "wheels"
-        self.rivals: dict[Hypothesis, Rival] = {}
+        self.rivals: dict[Hypothesis, AlternativeHypothesis] = {}
         self.way: tuple[Pose2D, ...] = ()
         self.scans = 0
         self._counted: Pose2D | None = None
@@ -139,12 +139,17 @@ class WheelFaults:
         return Pose2D(share * last.x, share * last.y, share * last.theta)
 
     def weigh(
-        self, before: Pose2D, spread: Spread, best: Match, scan: ScanInMap, usual: float
+        self,
+        before: Pose2D,
+        uncertainty: OdometryUncertainty,
+        best: Match,
+        scan: ScanInMap,
+        usual: float,
     ) -> Match:
         """The best match of the believed hypothesis, or that of a rival that must be believed now.
 
         Args:
-            before: where the robot was at the last scan; spread: how far odometry may err;
+            before: where the robot was at the last scan; uncertainty: how far odometry may err;
                 usual: the agreement that is usual in this log.
         """
         matches: dict[Hypothesis, Match] = {}
@@ -152,8 +157,8 @@ class WheelFaults:
             motion = self._predict(self.believed, self._counted, self._found)
             predicted = before.compose(motion)
             self._follow(before, self._counted, motion)
-            if any(_apart(predicted, rival.pose, spread) for rival in self.rivals.values()):
-                matches = self._judge(predicted, best, spread, scan)
+            if any(_apart(predicted, rival.pose, uncertainty) for rival in self.rivals.values()):
+                matches = self._judge(predicted, best, uncertainty, scan)
             self._motion = motion
         if best.found:
             share = best.known_points / scan.size
@@ -171,7 +176,7 @@ class WheelFaults:
                 continue
             reason = self._reason(name, counted, motion)
             if rival is None or rival.evidence < reason or len(rival.way) == MOST_SCANS:
-                rival = Rival(reason, before, self._found)
+                rival = AlternativeHypothesis(reason, before, self._found)
             else:
                 rival = replace(rival, way=(*rival.way, rival.pose))
             if rival.evidence >= self.parameters.least:
@@ -195,30 +200,32 @@ class WheelFaults:
         return (change / usual) ** 2 / 2
 
     def _judge(
-        self, predicted: Pose2D, best: Match, spread: Spread, scan: ScanInMap
+        self, predicted: Pose2D, best: Match, uncertainty: OdometryUncertainty, scan: ScanInMap
     ) -> dict[Hypothesis, Match]:
         """What the scan says of each rival; their matches."""
         p, matches = self.parameters, {}
         # What wheels usually err by is no failure: the search may have found the place.
-        near = not _apart(predicted, best.pose, spread, spread.reach)
-        stay = best if near else scan.next_to(predicted, spread)
-        against, left = self._against(stay, scan), _left(predicted, stay.pose, spread, p.far)
+        near = not _apart(predicted, best.pose, uncertainty, uncertainty.window_sigmas)
+        stay = best if near else scan.next_to(predicted, uncertainty)
+        against, left = self._against(stay, scan), _left(predicted, stay.pose, uncertainty, p.far)
         for name, rival in list(self.rivals.items()):
-            near = not _apart(rival.pose, best.pose, spread)
+            near = not _apart(rival.pose, best.pose, uncertainty)
             more = (
-                0 if near else scan.contradictions(rival.pose, spread) - stay.free_space_conflicts
+                0
+                if near
+                else scan.contradictions(rival.pose, uncertainty) - stay.free_space_conflicts
             )
             if more > p.hopeless * scan.size:
                 del self.rivals[name]
                 continue
-            match = best if near else scan.next_to(rival.pose, spread)
+            match = best if near else scan.next_to(rival.pose, uncertainty)
             if match.known_points < p.overlap * stay.known_points:
                 del self.rivals[name]
                 continue
             points = against - self._against(match, scan)
             beyond = max(0.0, abs(points) - p.expected * stay.known_points)
             evidence = rival.evidence + math.copysign(beyond, points)
-            evidence += left - _left(rival.pose, match.pose, spread, p.far)
+            evidence += left - _left(rival.pose, match.pose, uncertainty, p.far)
             self.rivals[name] = replace(rival, evidence=evidence, pose=match.pose)
             matches[name] = match
         return matches
@@ -244,12 +251,17 @@ class WheelFaults:
         return match
 
 
-def _left(predicted: Pose2D, found: Pose2D, spread: Spread, far: float) -> float:
+def _left(predicted: Pose2D, found: Pose2D, uncertainty: OdometryUncertainty, far: float) -> float:
     """How unlikely it is that odometry errs so much (minus its log-likelihood, up to a limit)."""
-    return min(far, predicted.distance(found) / spread.xy) ** 2 / 2
+    return min(far, predicted.distance(found) / uncertainty.deviations.xy) ** 2 / 2
 
 
-def _apart(one: Pose2D, other: Pose2D, spread: Spread, deviations: float = NEAR) -> bool:
+def _apart(
+    one: Pose2D, other: Pose2D, uncertainty: OdometryUncertainty, deviations: float = NEAR
+) -> bool:
     """Whether two poses differ by more than odometry usually errs."""
     turn = abs(one.between(other).theta)
-    return one.distance(other) > deviations * spread.xy or turn > deviations * spread.turn
+    return (
+        one.distance(other) > deviations * uncertainty.deviations.xy
+        or turn > deviations * uncertainty.deviations.theta
+    )

@@ -30,13 +30,12 @@ from mapcli.algorithms.similarity.perception_map import outline
 from mapcli.algorithms.slam._kernels import branch_and_bound as kernels
 from mapcli.algorithms.slam.agreement import FULL_SCORE, agreement
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
-from mapcli.algorithms.slam.match import Lately, Match, MatchParameters
-from mapcli.algorithms.slam.motion_model import Spread
+from mapcli.algorithms.slam.match import Match, MatchHistory, MatchParameters
+from mapcli.algorithms.slam.motion_model import OdometryUncertainty
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.scan_points import ScanPoints, points_of, window_box
 from mapcli.model.perception import STEPS, TURNS_DEG
 from mapcli.model.pose import Pose2D
-from mapcli.model.se2_uncertainty import StandardDeviations
 
 FARTHEST_REFINEMENT = 24.0
 """Cells that the refinement may move a point: less than `occupancy.MARGIN`."""
@@ -55,9 +54,9 @@ def best_pose(
     grid: OccupancyGrid,
     perception: Perception,
     predicted: Pose2D,
-    spread: Spread,
+    uncertainty: OdometryUncertainty,
     parameters: MatchParameters,
-    lately: Lately | None = None,
+    lately: MatchHistory | None = None,
 ) -> Match:
     """The position in T, around the predicted pose, whose perception fits the map best.
 
@@ -68,7 +67,7 @@ def best_pose(
     points = points_of(perception, grid.parameters.resolution)
     if parameters.search == "none" or len(points.metres) < parameters.fewest:
         return Match(predicted, 0.0, 0, found=False)
-    return _Window(grid, points, predicted, spread, parameters).best(lately or Lately())
+    return _Window(grid, points, predicted, uncertainty, parameters).best(lately or MatchHistory())
 
 
 class ScanInMap:
@@ -89,29 +88,29 @@ class ScanInMap:
     def size(self) -> int:
         return len(self._points.metres)
 
-    def contradictions(self, pose: Pose2D, spread: Spread) -> int:
+    def contradictions(self, pose: Pose2D, uncertainty: OdometryUncertainty) -> int:
         """Points where the map knows that there is no wall."""
         return (
-            self._window(pose, spread).at_once().free_space_conflicts
+            self._window(pose, uncertainty).at_once().free_space_conflicts
             if self._says_something()
             else 0
         )
 
-    def next_to(self, predicted: Pose2D, spread: Spread) -> Match:
+    def next_to(self, predicted: Pose2D, uncertainty: OdometryUncertainty) -> Match:
         """The match next to a predicted pose, or that pose where the scan says nothing."""
         if not self._says_something():
             return Match(predicted, 0.0, 0, found=False)
-        match = self._window(predicted, spread).next_to()
+        match = self._window(predicted, uncertainty).next_to()
         return match if match.found else replace(match, pose=predicted)
 
     def _says_something(self) -> bool:
         return self.size >= self.parameters.fewest
 
-    def _window(self, pose: Pose2D, spread: Spread) -> _Window:
+    def _window(self, pose: Pose2D, uncertainty: OdometryUncertainty) -> _Window:
         """A window around a pose; the last one, moved, since making one takes longer than a look
         through it."""
-        window = self._last or _Window(self.grid, self._points, pose, spread, self.parameters)
-        window.predicted, window.spread, self._last = pose, spread, window
+        window = self._last or _Window(self.grid, self._points, pose, uncertainty, self.parameters)
+        window.predicted, window.uncertainty, self._last = pose, uncertainty, window
         return window
 
 
@@ -123,10 +122,10 @@ class _Window:
         grid: OccupancyGrid,
         points: ScanPoints,
         predicted: Pose2D,
-        spread: Spread,
+        uncertainty: OdometryUncertainty,
         parameters: MatchParameters,
     ) -> None:
-        self.grid, self.parameters, self.spread = grid, parameters, spread
+        self.grid, self.parameters, self.uncertainty = grid, parameters, uncertainty
         self.predicted = predicted
         self.cell = grid.parameters.resolution
         self.points = points
@@ -137,11 +136,12 @@ class _Window:
         self.found: tuple[NDArray[np.float64], Match] | None = None
         self.weight = FULL_SCORE * max(len(points.metres), parameters.usual) * parameters.prior
 
-    def best(self, lately: Lately) -> Match:
+    def best(self, lately: MatchHistory) -> Match:
         """The best pose; a far wider window is searched when odometry seems lost."""
-        p, spread = self.parameters, self.spread
-        half_xy = p.window_xy + spread.reach * spread.xy
-        half_turn = math.radians(p.window_theta_deg) + spread.reach * spread.turn
+        p, uncertainty = self.parameters, self.uncertainty
+        deviations = uncertainty.deviations
+        half_xy = p.window_xy + uncertainty.window_sigmas * deviations.xy
+        half_turn = math.radians(p.window_theta_deg) + uncertainty.window_sigmas * deviations.theta
         self._cover(half_xy, half_turn)
         stay = best = self._settle(self.predicted)
         if p.refine and self._is_trusted(stay, lately.score):
@@ -171,7 +171,10 @@ class _Window:
     def _is_trusted(self, match: Match, usual_score: float) -> bool:
         """Whether the pose next to the odometry's fits as well as any, so that none need be
         searched for."""
-        if self.spread.xy > NEAR_CELLS * self.cell or self.spread.turn > NEAR_TURN:
+        if (
+            self.uncertainty.deviations.xy > NEAR_CELLS * self.cell
+            or self.uncertainty.deviations.theta > NEAR_TURN
+        ):
             return False  # the fit may have ended beside the right place
         far = self._is_far(match.pose, self.parameters.trusted)
         return self._is_usual(match, usual_score) and not far
@@ -184,13 +187,17 @@ class _Window:
     def _is_far(self, pose: Pose2D, deviations: float = 1.0) -> bool:
         """Whether a pose is farther from the predicted one than odometry usually errs."""
         turn = abs(self.predicted.between(pose).theta)
-        far = self.predicted.distance(pose) > deviations * self.spread.xy
-        return far or turn > deviations * self.spread.turn
+        far = self.predicted.distance(pose) > deviations * self.uncertainty.deviations.xy
+        return far or turn > deviations * self.uncertainty.deviations.theta
 
-    def _doubt(self, best: Match, lately: Lately, half_xy: float) -> Match:
+    def _doubt(self, best: Match, lately: MatchHistory, half_xy: float) -> Match:
         """The scan fits the map worse than usual: odometry may be lost, or the map too young."""
-        p, spread, low = self.parameters, self.spread, self.parameters.lost_below * lately.score
-        wide_xy = max(half_xy, p.lost_xy + p.lost_xy_per_m * spread.metres)
+        p, uncertainty, low = (
+            self.parameters,
+            self.uncertainty,
+            self.parameters.lost_below * lately.score,
+        )
+        wide_xy = max(half_xy, p.lost_xy + p.lost_xy_per_m * uncertainty.metres)
         wide_turn = math.radians(p.lost_theta_deg)
         self._cover(wide_xy, wide_turn)
         other = self._search(wide_xy, wide_turn)
@@ -208,8 +215,8 @@ class _Window:
         window holds the one before."""
         start = self.grid.pose_to_cells(self.predicted)
         reach = math.ceil(half_xy / self.cell)
-        cell_prior = (self.cell / self.spread.xy) ** 2
-        step_prior = (self.turn_step / self.spread.turn) ** 2
+        cell_prior = (self.cell / self.uncertainty.deviations.xy) ** 2
+        step_prior = (self.turn_step / self.uncertainty.deviations.theta) ** 2
         before = self.found and self.found[0]
         found = kernels.search(
             self.grid.fields,
@@ -249,8 +256,9 @@ class _Window:
 
     def _refine(self, near: Pose2D) -> tuple[Pose2D, NDArray[np.float64] | None]:
         """The last millimetres, unless they lead astray."""
-        spread = StandardDeviations(self.spread.xy, self.spread.turn)
-        fit = self.grid.surfels.fit(self.points.metres, near, self.predicted, spread)
+        fit = self.grid.surfels.fit(
+            self.points.metres, near, self.predicted, self.uncertainty.deviations
+        )
         moved = near.distance(fit.pose) + abs(near.between(fit.pose).theta) * self.points.radius
         trusted = fit.matched >= self.parameters.fewest and moved < FARTHEST_REFINEMENT * self.cell
         return (fit.pose, fit.information_in_own_frame()) if trusted else (near, None)

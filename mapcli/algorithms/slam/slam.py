@@ -15,13 +15,13 @@ from mapcli.algorithms.scans.perception import Perception, PerceptionParameters,
 from mapcli.algorithms.slam.back_end import BackEndResult, RefineParameters, finalise
 from mapcli.algorithms.slam.global_localization import locate
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
-from mapcli.algorithms.slam.local_map import CurrentMap, CurrentMapParameters
+from mapcli.algorithms.slam.local_map import LocalMap, LocalMapParameters
 from mapcli.algorithms.slam.loop_closure import LoopParameters
-from mapcli.algorithms.slam.match import Lately, Match, MatchParameters
-from mapcli.algorithms.slam.motion_model import DeadReckoning, OdometryModel
+from mapcli.algorithms.slam.match import Match, MatchHistory, MatchParameters
+from mapcli.algorithms.slam.motion_model import DeadReckoning, MotionModel
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
 from mapcli.algorithms.slam.odometry_calibration import CalibrationParameters
-from mapcli.algorithms.slam.odometry_faults import FaultParameters, WheelFaults
+from mapcli.algorithms.slam.odometry_faults import FaultParameters, OdometryFaults
 from mapcli.algorithms.slam.scan_matcher import ScanInMap, best_pose
 from mapcli.algorithms.slam.scan_points import points_of
 from mapcli.errors import DataError
@@ -42,9 +42,9 @@ class SlamParameters:
     """One group of parameters per stage; without `loops`, none are closed."""
 
     map: MapParameters = field(default_factory=MapParameters)
-    current: CurrentMapParameters = field(default_factory=CurrentMapParameters)
+    current: LocalMapParameters = field(default_factory=LocalMapParameters)
     perception: PerceptionParameters = field(default_factory=PerceptionParameters)
-    odometry: OdometryModel = field(default_factory=OdometryModel)
+    odometry: MotionModel = field(default_factory=MotionModel)
     calibration: CalibrationParameters = field(default_factory=CalibrationParameters)
     match: MatchParameters = field(default_factory=MatchParameters)
     faults: FaultParameters = field(default_factory=FaultParameters)
@@ -72,16 +72,16 @@ class Slam:
         known: OccupancyGrid | None = None,
     ) -> None:
         self.parameters = p = parameters or SlamParameters()
-        self.current = CurrentMap(known or OccupancyGrid(p.map), p.current)
+        self.current = LocalMap(known or OccupancyGrid(p.map), p.current)
         self.pose = start or Pose2D()
         self._is_continued = known is not None
         self._is_lost, self._tries = known is not None and start is None, 0
         self.odometry = DeadReckoning(p.odometry, p.calibration)
-        self.faults = WheelFaults(p.faults)
+        self.faults = OdometryFaults(p.faults)
         # A map that remembers old laps is at odds with the right pose as well.
         self._tells_faults = p.match.search == "window" and p.current.most_m is not None
         self.trajectory = TrackedTrajectory()
-        self._lately, self._has_begun = Lately(0.9), False
+        self._lately, self._has_begun = MatchHistory(0.9), False
 
     @property
     def map(self) -> OccupancyGrid:
@@ -104,11 +104,11 @@ class Slam:
         if self._is_lost:
             b = self._locate(p)
         elif not first or self._is_continued:  # 5-8: the best test position around n
-            spread = self.odometry.spread(motion)
-            b = best_pose(self.map, p, n, spread, self.parameters.match, self._lately)
+            uncertainty = self.odometry.uncertainty(motion)
+            b = best_pose(self.map, p, n, uncertainty, self.parameters.match, self._lately)
             if self._tells_faults:
                 near = ScanInMap(self.map, p, self.parameters.match)
-                b = self.faults.weigh(c, spread, b, near, self._lately.score)
+                b = self.faults.weigh(c, uncertainty, b, near, self._lately.score)
             self._learn(c, b)
         n = b.pose  # 9: replace new position by best position
         in_map = not self._is_lost and self.current.update(n, p)  # 10: update map based on it
@@ -135,8 +135,8 @@ class Slam:
         if match.found:
             usual += SCORE_MEMORY * (match.score - usual)
             if self.faults.believed == "wheels":
-                self.odometry.learn(before.between(match.pose), match.information)
-        self._lately = Lately(usual, match.doubtful)
+                self.odometry.calibrate(before.between(match.pose), match.information)
+        self._lately = MatchHistory(usual, match.doubtful)
 
     def _record(self, perception: Perception, pose: Pose2D, match: Match, *, in_map: bool) -> None:
         """Keep what is needed when the log has ended."""

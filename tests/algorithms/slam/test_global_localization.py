@@ -13,7 +13,7 @@ from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import edges_of
 from mapcli.algorithms.slam import global_localization as locating
 from mapcli.algorithms.slam.global_localization import locate
-from mapcli.algorithms.slam.local_map import CurrentMapParameters
+from mapcli.algorithms.slam.local_map import LocalMapParameters
 from mapcli.algorithms.slam.log_odds import LOG_ODDS_UNIT, log_odds_of
 from mapcli.algorithms.slam.match import MatchParameters
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
@@ -24,7 +24,7 @@ from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.world import World
 
 MATCH = MatchParameters()
-SLAM = SlamParameters(loops=None, current=CurrentMapParameters(most_m=None))
+SLAM = SlamParameters(loops=None, current=LocalMapParameters(most_m=None))
 
 
 def flat() -> np.ndarray:

@@ -20,11 +20,11 @@ from mapcli.algorithms.slam.keyframes import (
     split,
     step_covariance,
 )
-from mapcli.algorithms.slam.motion_model import OdometryModel
+from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.model.pose import Pose2D, wrap_angle
 
 NOTHING = Perception(np.empty((0, 2)), np.empty((0, 2)), np.zeros(2))
-WHEELS = OdometryModel()
+WHEELS = MotionModel()
 SKEWED = np.array([[4.0, 1.0, 0.5], [1.0, 2.0, -0.3], [0.5, -0.3, 1.0]]) * 1e-4
 
 
@@ -158,8 +158,8 @@ def test_covariance_of_one_step_is_that_of_the_keyframe() -> None:
 
 def test_without_a_match_a_step_is_as_uncertain_as_the_wheels() -> None:
     motion = Pose2D(0.3, 0.4, 0.1)
-    spread, way = WHEELS.spread(motion), 0.5 + 0.1
-    expected = np.diag([spread.xy**2, spread.xy**2, spread.turn**2])
+    deviations, way = WHEELS.uncertainty(motion).deviations, 0.5 + 0.1
+    expected = np.diag([deviations.xy**2, deviations.xy**2, deviations.theta**2])
     expected += way * np.diag([TRACKING.xy**2, TRACKING.xy**2, TRACKING.theta**2])
     assert step_covariance(motion, None, WHEELS) == pytest.approx(expected)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mapcli.algorithms.scans.perception import Perception
-from mapcli.algorithms.slam.local_map import CurrentMap, CurrentMapParameters
+from mapcli.algorithms.slam.local_map import LocalMap, LocalMapParameters
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
 from mapcli.model.pose import Pose2D
 
@@ -22,11 +22,11 @@ def seen(count: int = 8) -> Perception:
     return Perception(hits, np.empty((0, 2)), np.zeros(2))
 
 
-def new(**parameters: object) -> CurrentMap:
-    return CurrentMap(OccupancyGrid(MAP), CurrentMapParameters(**parameters))  # type: ignore
+def new(**parameters: object) -> LocalMap:
+    return LocalMap(OccupancyGrid(MAP), LocalMapParameters(**parameters))  # type: ignore
 
 
-def remembered(current: CurrentMap, now: float) -> float:
+def remembered(current: LocalMap, now: float) -> float:
     """Metres behind a robot that drives along x of which the map knows something."""
     grid = current.grid.to_grid_map()
     columns = np.flatnonzero(grid.known.any(axis=0))
@@ -91,7 +91,7 @@ def test_frozen_never_changes() -> None:
     grid = OccupancyGrid(MAP)
     grid.integrate(Pose2D(), seen())
     before = grid.log_odds.copy()
-    current = CurrentMap(grid, CurrentMapParameters(frozen=True))
+    current = LocalMap(grid, LocalMapParameters(frozen=True))
     for metres in range(40):
         assert not current.update(Pose2D(metres), seen())
     assert current.grid is grid

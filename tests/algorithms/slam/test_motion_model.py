@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mapcli.algorithms.slam.motion_model import HIGHEST_SPEED, DeadReckoning, OdometryModel
+from mapcli.algorithms.slam.motion_model import HIGHEST_SPEED, DeadReckoning, MotionModel
 from mapcli.model.pose import Pose2D
 
 SECOND = 10**9
@@ -56,16 +56,16 @@ def test_silence_is_no_motion_and_no_jump() -> None:
     assert wheels.jumps == 0
 
 
-def test_spread_by_hand() -> None:
-    model = OdometryModel(0.02, 0.1, 0.05, 0.5, 0.15, 2.0, 0.3, 10.0)
-    spread = model.spread(Pose2D(0.3, -0.4, -0.2))  # half a metre and 0.2 rad
-    assert spread.xy == pytest.approx(0.02 + 0.1 * 0.5 + 0.05 * 0.2)
-    assert spread.turn == pytest.approx(math.radians(0.5 + 2.0 * 0.5) + 0.15 * 0.2)
-    assert spread.metres == pytest.approx(0.5)
-    standing = model.spread(Pose2D())
-    assert (standing.xy, standing.turn) == pytest.approx((0.02, math.radians(0.5)))
-    silent = model.spread(None)
-    assert (silent.xy, silent.turn, silent.metres) == (0.3, math.radians(10), 0)
+def test_uncertainty_by_hand() -> None:
+    model = MotionModel(0.02, 0.1, 0.05, 0.5, 0.15, 2.0, 0.3, 10.0)
+    uncertainty = model.uncertainty(Pose2D(0.3, -0.4, -0.2))  # half a metre and 0.2 rad
+    assert uncertainty.deviations.xy == pytest.approx(0.02 + 0.1 * 0.5 + 0.05 * 0.2)
+    assert uncertainty.deviations.theta == pytest.approx(math.radians(0.5 + 2.0 * 0.5) + 0.15 * 0.2)
+    assert uncertainty.metres == pytest.approx(0.5)
+    standing = model.uncertainty(Pose2D())
+    assert standing.deviations == pytest.approx((0.02, math.radians(0.5)))
+    silent = model.uncertainty(None)
+    assert (silent.deviations, silent.metres) == ((0.3, math.radians(10)), 0)
 
 
 def test_motions_are_corrected_by_what_was_learned() -> None:
@@ -73,7 +73,7 @@ def test_motions_are_corrected_by_what_was_learned() -> None:
     for k in range(200):  # counts 5 % more than it drives
         motion = wheels.motion(k * SECOND // 10, Pose2D(0.21 * k))
         if motion is not None:
-            wheels.learn(Pose2D(0.2), SURE)
+            wheels.calibrate(Pose2D(0.2), SURE)
     assert motion is not None
     assert motion.x == pytest.approx(0.2, abs=0.001)
 
@@ -81,13 +81,13 @@ def test_motions_are_corrected_by_what_was_learned() -> None:
 def test_nothing_is_learned_without_odometry_or_without_a_map() -> None:
     wheels = DeadReckoning()
     wheels.motion(0, Pose2D())
-    wheels.learn(Pose2D(0.3), SURE)  # the first scan
+    wheels.calibrate(Pose2D(0.3), SURE)  # the first scan
     wheels.motion(SECOND, Pose2D(0.21))
-    wheels.learn(Pose2D(0.2), None)  # the map says nothing about how well it knows
+    wheels.calibrate(Pose2D(0.2), None)  # the map says nothing about how well it knows
     wheels.motion(2 * SECOND, None)
-    wheels.learn(Pose2D(0.2), SURE)  # silence
+    wheels.calibrate(Pose2D(0.2), SURE)  # silence
     assert wheels.calibration.metres == 1
     wheels.motion(3 * SECOND, Pose2D(0.21))
     wheels.motion(4 * SECOND, Pose2D(0.42))
-    wheels.learn(Pose2D(0.2), SURE)
+    wheels.calibrate(Pose2D(0.2), SURE)
     assert wheels.calibration.metres < 1

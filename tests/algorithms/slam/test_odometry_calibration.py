@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from mapcli.algorithms.slam.motion_model import OdometryModel
+from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.odometry_calibration import CalibrationParameters, OdometryCalibration
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import StandardDeviations
 
 SURE = np.diag([0.003**-2, 0.003**-2, math.radians(0.1) ** -2])
 WIDE = StandardDeviations(10.0, 10.0)
-"""A spread that lets everything teach."""
+"""Deviations that lets everything teach."""
 
 
 def drive(seed: int, steps: int) -> list[Pose2D]:
@@ -29,7 +29,7 @@ def learned(
     true: list[Pose2D],
     factors: tuple[float, float, float] = (1.0, 1.0, 0.0),
     noise: tuple[float, float] = (0.0, 0.0),
-    spread: StandardDeviations = WIDE,
+    deviations: StandardDeviations = WIDE,
     seed: int = 0,
 ) -> OdometryCalibration:
     """Wheels that count `factors` of metres and turns, and radians per metre, and err by noise."""
@@ -40,7 +40,7 @@ def learned(
         counted = Pose2D(
             metres * motion.x + rng.normal(0, noise[0]), 0.0, turn + rng.normal(0, noise[1])
         )
-        calibration.learn(counted, motion, SURE, spread)
+        calibration.calibrate(counted, motion, SURE, deviations)
     return calibration
 
 
@@ -104,7 +104,7 @@ def test_straight_driving_after_turning_keeps_what_was_learned() -> None:
     calibration = learned(drive(0, 400), (1.0, 0.95, 0.0))
     before = calibration.turns
     for _ in range(1000):
-        calibration.learn(Pose2D(0.2), Pose2D(0.2), SURE, WIDE)
+        calibration.calibrate(Pose2D(0.2), Pose2D(0.2), SURE, WIDE)
     assert calibration.turns == pytest.approx(before, abs=1e-3)
 
 
@@ -114,9 +114,9 @@ def test_straight_driving_after_turning_keeps_what_was_learned() -> None:
 )
 def test_outliers_teach_nothing(found: Pose2D) -> None:
     counted, calibration = Pose2D(0.2), OdometryCalibration()
-    spread = OdometryModel().spread(counted)
+    deviations = MotionModel().uncertainty(counted).deviations
     for _ in range(100):
-        calibration.learn(counted, found, SURE, StandardDeviations(spread.xy, spread.turn))
+        calibration.calibrate(counted, found, SURE, deviations)
     assert (calibration.metres, calibration.turns, calibration.drift) == (1, 1, 0)
 
 
@@ -124,7 +124,7 @@ def test_a_motion_within_the_doubt_teaches() -> None:
     calibration = OdometryCalibration(CalibrationParameters(doubt=3.0))
     for off, teaches in ((0.029, True), (0.031, False)):
         calibration = OdometryCalibration(CalibrationParameters(doubt=3.0))
-        calibration.learn(Pose2D(0.2), Pose2D(0.2 + off), SURE, StandardDeviations(0.01, 1.0))
+        calibration.calibrate(Pose2D(0.2), Pose2D(0.2 + off), SURE, StandardDeviations(0.01, 1.0))
         assert (calibration.metres != 1) == teaches
 
 
@@ -133,12 +133,12 @@ def test_what_the_map_does_not_fix_teaches_little() -> None:
     blind = np.diag([0.0, 0.01**-2, math.radians(0.1) ** -2])
     calibration = OdometryCalibration()
     for _ in range(500):
-        calibration.learn(Pose2D(0.22), Pose2D(0.2), blind, WIDE)
+        calibration.calibrate(Pose2D(0.22), Pose2D(0.2), blind, WIDE)
     assert calibration.metres == pytest.approx(1, abs=1e-3)
 
 
 def test_backing_up_counts_as_much_as_driving_ahead() -> None:
     calibration = OdometryCalibration()
     for sign in (1, -1) * 200:
-        calibration.learn(Pose2D(0.22 * sign), Pose2D(0.2 * sign), SURE, WIDE)
+        calibration.calibrate(Pose2D(0.22 * sign), Pose2D(0.2 * sign), SURE, WIDE)
     assert calibration.metres == pytest.approx(1 / 1.1, abs=0.01)

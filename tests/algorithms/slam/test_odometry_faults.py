@@ -12,9 +12,9 @@ from support.looping import box, laps, log_of, ring, scan_at, worst
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import edges_of
 from mapcli.algorithms.slam.match import Match, MatchParameters
-from mapcli.algorithms.slam.motion_model import OdometryModel
+from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
-from mapcli.algorithms.slam.odometry_faults import FaultParameters, WheelFaults
+from mapcli.algorithms.slam.odometry_faults import FaultParameters, OdometryFaults
 from mapcli.algorithms.slam.scan_matcher import ScanInMap
 from mapcli.algorithms.slam.slam import Slam
 from mapcli.model.pose import Pose2D
@@ -68,9 +68,9 @@ def replayed(true: list[Pose2D], odom: list[Pose2D]) -> tuple[list[Pose2D], set[
 # --- inertia, where the robot sees nothing
 
 
-def blindly(motions: list[float], seconds: float) -> WheelFaults:
+def blindly(motions: list[float], seconds: float) -> OdometryFaults:
     """After these counted motions of a robot that sees nothing."""
-    faults, pose = WheelFaults(), Pose2D()
+    faults, pose = OdometryFaults(), Pose2D()
     nothing = Perception(np.empty((0, 2)), np.empty((0, 2)), np.zeros(2))
     scan = ScanInMap(OccupancyGrid(), nothing, MatchParameters())
     faults.motion(0, None)
@@ -78,7 +78,7 @@ def blindly(motions: list[float], seconds: float) -> WheelFaults:
         motion = faults.motion(round(k * seconds * SECOND), Pose2D(metres))
         assert motion is not None
         here = Match(pose.compose(motion), 0.0, 0, found=False)
-        pose = faults.weigh(pose, OdometryModel().spread(motion), here, scan, 0.9).pose
+        pose = faults.weigh(pose, MotionModel().uncertainty(motion), here, scan, 0.9).pose
     return faults
 
 

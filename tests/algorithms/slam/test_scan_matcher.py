@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,13 +13,14 @@ from mapcli.algorithms.scans.ray_casting import cast, edges_of
 from mapcli.algorithms.similarity.grid_table import scan_table
 from mapcli.algorithms.similarity.measures import SIMILARITIES
 from mapcli.algorithms.slam.match import Match, MatchParameters
-from mapcli.algorithms.slam.motion_model import OdometryModel, Spread
+from mapcli.algorithms.slam.motion_model import MotionModel, OdometryUncertainty
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
 from mapcli.algorithms.slam.scan_matcher import FIFTEEN, ScanInMap, best_of_fifteen, best_pose
 from mapcli.algorithms.slam.scan_points import thinned
 from mapcli.model.perception import ScanPerception, Standpoint
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.scan import RangeScan
+from mapcli.model.se2_uncertainty import StandardDeviations
 from mapcli.model.world import World
 
 Points = list[tuple[float, float]]
@@ -34,8 +36,14 @@ ROOM = edges_of(
 """6.07 m by 4.53 m with a pillar."""
 OTHER_ROOM = edges_of(World.of([[[-0.81, -0.42], [0.93, -0.37], [0.44, 0.95]]]))
 HERE = Pose2D(0.02, 0.01, 0.3)
-NARROW = Spread(0.02, math.radians(0.5), 0.0)
-WIDE = Spread(0.1, math.radians(3), 0.3)
+
+
+def uncertain(xy: float, degrees: float, metres: float) -> OdometryUncertainty:
+    return OdometryUncertainty(StandardDeviations(xy, math.radians(degrees)), metres)
+
+
+NARROW = uncertain(0.02, 0.5, 0.0)
+WIDE = uncertain(0.1, 3, 0.3)
 
 
 def seen(hits: Points, open_ends: Points = (), laser: tuple[float, float] = (0, 0)) -> Perception:
@@ -69,18 +77,19 @@ def assert_at(match: Match, pose: Pose2D, xy: float = 0.02, degrees: float = 0.5
 # --- how far odometry may err
 
 
-def test_the_spread_by_hand() -> None:
-    model = OdometryModel(
+def test_the_uncertainty_of_odometry_by_hand() -> None:
+    model = MotionModel(
         xy_floor=0.01, xy_per_m=0.1, xy_per_rad=0.2,
         turn_floor_deg=1.0, turn_per_rad=0.5, turn_deg_per_m=2.0,
         silent_xy=0.4, silent_turn_deg=30.0,
     )  # fmt: skip
-    spread = model.spread(Pose2D(3, -4, -0.1))  # 5 m, 0.1 rad
-    assert spread.xy == pytest.approx(0.01 + 0.5 + 0.02)
-    assert spread.turn == pytest.approx(math.radians(1 + 10) + 0.05)
-    assert spread.metres == pytest.approx(5)
-    assert model.spread(Pose2D()) == Spread(0.01, math.radians(1), 0)
-    assert model.spread(None) == Spread(0.4, math.radians(30), 0, reach=2)
+    uncertainty = model.uncertainty(Pose2D(3, -4, -0.1))  # 5 m, 0.1 rad
+    deviations = uncertainty.deviations
+    assert deviations.xy == pytest.approx(0.01 + 0.5 + 0.02)
+    assert deviations.theta == pytest.approx(math.radians(1 + 10) + 0.05)
+    assert uncertainty.metres == pytest.approx(5)
+    assert model.uncertainty(Pose2D()) == uncertain(0.01, 1, 0)
+    assert model.uncertainty(None) == replace(uncertain(0.4, 30, 0), window_sigmas=2)
 
 
 # --- a scan at this pose or that
@@ -172,7 +181,7 @@ def test_the_test_positions_are_those_of_the_window() -> None:
     assert math.degrees(turn) / 0.5 == pytest.approx(round(math.degrees(turn) / 0.5), abs=1e-6)
     assert abs(math.degrees(turn)) <= 4 + 1e-9
     # A wider window reaches the true one.
-    wide = Spread(0.1, math.radians(3), 0)
+    wide = uncertain(0.1, 3, 0)
     match = best_pose(mapped(), look(HERE), tried, wide, UNREFINED)
     assert_at(match, HERE, xy=1e-6, degrees=1e-6)
 
@@ -227,7 +236,7 @@ def test_lost_odometry_is_searched_for_far_around() -> None:
 
 def test_the_far_window_grows_with_the_way() -> None:
     tried = moved(HERE, 0.9, 0.0, 5)
-    fast = Spread(0.05, math.radians(1), 0.5)
+    fast = uncertain(0.05, 1, 0.5)
     assert_at(best_pose(mapped(), look(HERE), tried, fast, MatchParameters()), HERE)
     match = best_pose(mapped(), look(HERE), tried, NARROW, MatchParameters())
     assert match.pose.distance(HERE) > 0.3
@@ -237,7 +246,7 @@ def test_what_fits_nowhere_stays_in_the_window() -> None:
     # Another room than the map's: no pose is usual, so none farther off is believed.
     p = MatchParameters()
     match = best_pose(mapped(), look(HERE, OTHER_ROOM), HERE, NARROW, p)
-    half = p.window_xy + NARROW.reach * NARROW.xy + 0.05
+    half = p.window_xy + NARROW.window_sigmas * NARROW.deviations.xy + 0.05
     assert match.pose.distance(HERE) <= half * math.sqrt(2) + 0.1
 
 

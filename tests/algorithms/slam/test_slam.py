@@ -13,7 +13,7 @@ import pytest
 from mapcli.algorithms.scans.perception import PerceptionParameters
 from mapcli.algorithms.scans.ray_casting import cast, edges_of
 from mapcli.algorithms.slam import occupancy_grid as occupancy
-from mapcli.algorithms.slam.local_map import CurrentMapParameters
+from mapcli.algorithms.slam.local_map import LocalMapParameters
 from mapcli.algorithms.slam.match import MatchParameters, Search
 from mapcli.algorithms.slam.motion_model import HIGHEST_SPEED
 from mapcli.algorithms.slam.occupancy_grid import MapParameters
@@ -352,7 +352,7 @@ def test_the_start_is_where_one_says() -> None:
     ],
 )
 def test_the_map_is_updated_where_the_robot_has_moved(moved: Pose2D, updated: bool) -> None:
-    slam = Slam(SlamParameters(current=CurrentMapParameters(update_m=0.3, update_deg=17.0)))
+    slam = Slam(SlamParameters(current=LocalMapParameters(update_m=0.3, update_deg=17.0)))
     here = Pose2D(0.02, 0.01, 3.1)
     there = here.compose(moved)
     slam.step(scan_at(here, 0), here)
