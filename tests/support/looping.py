@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -15,7 +16,7 @@ from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.occupancy_grid import MapParameters
 from mapcli.algorithms.slam.scan_points import thinned
-from mapcli.model.pose import Pose2D
+from mapcli.model.pose import IDENTITY, Pose2D
 from mapcli.model.scan import Odometry, RangeScan, Record
 from mapcli.model.world import World
 
@@ -23,6 +24,10 @@ MAP = MapParameters()
 BEAMS, REACH = 180, 8.0
 MATCH = np.diag([0.02**-2, 0.02**-2, math.radians(0.3) ** -2])
 """The information from the current map on each keyframe of these trajectories."""
+
+ODOMETRY = MotionModel()
+NOTHING = Perception(np.empty((0, 2)), np.empty((0, 2)), np.zeros(2))
+"""What is seen in a hall that is too large."""
 
 Edges = NDArray[np.float64]
 
@@ -107,8 +112,31 @@ def trajectory_of(tracked: list[Pose2D], seen: list[Perception]) -> TrackedTraje
     trajectory = TrackedTrajectory()
     for pose, perception in zip(tracked, seen, strict=True):
         trajectory.add(pose, thinned(perception.hits, MAP.resolution))
-        trajectory.add_keyframe(perception, MATCH, MotionModel())
+        trajectory.add_keyframe(perception, MATCH, ODOMETRY)
     return trajectory
+
+
+def winding(count: int, every: int = 1) -> TrackedTrajectory:
+    """A trajectory through curves; every so many scans one is a keyframe."""
+    trajectory, pose = TrackedTrajectory(), Pose2D(2, -1, 0.5)
+    for k in range(count):
+        trajectory.add(pose, np.empty((0, 2)))
+        if k % every == 0:
+            trajectory.add_keyframe(NOTHING, None, ODOMETRY)
+        pose = pose.compose(Pose2D(0.25, 0.02, 0.2 * math.sin(k / 5)))
+    return trajectory
+
+
+@cache
+def ring_trajectory(
+    drift: float, start: Pose2D = IDENTITY
+) -> tuple[TrackedTrajectory, list[Pose2D]]:
+    """A trajectory of a lap and a half that drifts by so many degrees per metre; the true poses."""
+    world, true = ring(), laps(52)
+    seen = [see(world, pose) for pose in true]
+    away = start.compose(true[0].inverse())
+    tracked = [away.compose(pose) for pose in drifted(true, 1.0, drift)]
+    return trajectory_of(tracked, seen), true
 
 
 def worst(found: list[Pose2D], true: list[Pose2D]) -> float:

@@ -16,10 +16,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from mapcli.algorithms.slam.keyframes import Keyframe, Submap, covariance_between, split
+from mapcli.algorithms.slam.keyframes import Keyframe
 from mapcli.algorithms.slam.occupancy_grid import MapParameters
 from mapcli.algorithms.slam.pose_graph import Edge, GraphPath, PoseGraph
 from mapcli.algorithms.slam.submap_matcher import SubmapMatch, SubmapMatcher, SubmapMatchParameters
+from mapcli.algorithms.slam.submaps import Submap, covariance_between, split_into_submaps
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import (
     StandardDeviations,
@@ -91,7 +92,7 @@ class LoopCloser:
         self, keyframes: list[Keyframe], map_: MapParameters, parameters: LoopParameters
     ) -> None:
         self.keyframes, self.parameters = keyframes, parameters
-        self.submaps = split(keyframes, parameters.submap_m)
+        self.submaps = split_into_submaps(keyframes, parameters.submap_m)
         self.matcher = SubmapMatcher(keyframes, map_, parameters.submap)
         self.graph = PoseGraph([keyframes[s.origin].pose for s in self.submaps])
         for k, (a, b) in enumerate(pairwise(s.origin for s in self.submaps)):

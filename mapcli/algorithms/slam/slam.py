@@ -12,11 +12,12 @@ from dataclasses import dataclass, field
 
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
-from mapcli.algorithms.slam.back_end import BackEndResult, RefineParameters, finalise
+from mapcli.algorithms.slam.back_end import BackEndResult, finalise
 from mapcli.algorithms.slam.global_localization import locate
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.local_map import LocalMap, LocalMapParameters
 from mapcli.algorithms.slam.loop_closure import LoopParameters
+from mapcli.algorithms.slam.map_refinement import RefineParameters
 from mapcli.algorithms.slam.match import Match, MatchHistory, MatchParameters
 from mapcli.algorithms.slam.motion_model import DeadReckoning, MotionModel
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid

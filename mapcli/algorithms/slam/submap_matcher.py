@@ -18,10 +18,11 @@ from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam._kernels import branch_and_bound as kernels
 from mapcli.algorithms.slam._kernels.window_scores import fits
 from mapcli.algorithms.slam.agreement import FULL_SCORE, agreement
-from mapcli.algorithms.slam.keyframes import Keyframe, around
+from mapcli.algorithms.slam.keyframes import Keyframe
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
 from mapcli.algorithms.slam.scan_points import thinned, window_box
+from mapcli.algorithms.slam.submaps import keyframes_around
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import (
     Covariance,
@@ -185,7 +186,7 @@ class SubmapMatcher:
         """Keyframes around an origin, as many as it takes to see everything there."""
         p = self.parameters
         chosen: list[int] = []
-        for k in around(self.keyframes, origin, metres):
+        for k in keyframes_around(self.keyframes, origin, metres):
             last = self.keyframes[chosen[-1] if chosen else k].pose
             step = last.between(self.keyframes[k].pose)
             far = math.hypot(step.x, step.y) >= p.apart_m

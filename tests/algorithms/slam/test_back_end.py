@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -15,6 +14,7 @@ from support.looping import (
     laps,
     log_of,
     ring,
+    ring_trajectory,
     scan_at,
     see,
     trajectory_of,
@@ -23,12 +23,11 @@ from support.looping import (
 
 from mapcli.algorithms.slam.back_end import (
     BackEndResult,
-    RefineParameters,
     finalise,
-    refine,
 )
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.loop_closure import LoopParameters
+from mapcli.algorithms.slam.map_refinement import RefineParameters
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan
@@ -37,24 +36,14 @@ from mapcli.model.trace import TracedPose
 ORIGIN = Pose2D()
 
 
-@cache
-def ring_trajectory(drift: float, start: Pose2D = ORIGIN) -> tuple[TrackedTrajectory, list[Pose2D]]:
-    """A trajectory of a lap and a half that drifts by so many degrees per metre; the true poses."""
-    world, true = ring(), laps(52)
-    seen = [see(world, pose) for pose in true]
-    away = start.compose(true[0].inverse())
-    tracked = [away.compose(pose) for pose in drifted(true, 1.0, drift)]
-    return trajectory_of(tracked, seen), true
-
-
-def finished(trajectory: TrackedTrajectory) -> BackEndResult:
+def finalised(trajectory: TrackedTrajectory) -> BackEndResult:
     return finalise(trajectory, MAP, LoopParameters(), RefineParameters())
 
 
 @pytest.mark.parametrize("drift", [0.1, -0.15, 0.2])
 def test_the_whole_way_round_is_put_right(drift: float) -> None:
     trajectory, true = ring_trajectory(drift)
-    result = finished(trajectory)
+    result = finalised(trajectory)
     before = worst(trajectory.poses, true)
     assert before > 0.45
     assert len(result.loops) >= 2
@@ -65,14 +54,14 @@ def test_the_whole_way_round_is_put_right(drift: float) -> None:
 def test_the_first_pose_stays_where_it_is() -> None:
     start = Pose2D(20.0, -7.0, 2.0)
     trajectory, true = ring_trajectory(0.1, start)
-    result = finished(trajectory)
+    result = finalised(trajectory)
     assert result.poses[0] == start
     assert worst(result.poses, true) < 0.06
 
 
 def test_loops_are_between_scans() -> None:
     trajectory, true = ring_trajectory(0.1)
-    for loop in finished(trajectory).loops:
+    for loop in finalised(trajectory).loops:
         off = true[loop.from_].between(true[loop.to]).between(loop.pose)
         assert math.hypot(off.x, off.y) < 0.1
         assert 0.5 <= loop.score <= 1
@@ -82,16 +71,14 @@ def test_loops_are_between_scans() -> None:
 def test_walls_are_thin_afterwards() -> None:
     # A map of poses that are half a metre off has walls twice; the one that is made has not.
     trajectory, true = ring_trajectory(0.2)
-    torn = track_map_cells(trajectory, trajectory.poses)
-    right = track_map_cells(
-        trajectory, [trajectory.poses[0].compose(true[0].between(p)) for p in true]
-    )
-    made = int((finished(trajectory).grid.log_odds > 0).sum())
+    torn = cells_of(trajectory, trajectory.poses)
+    right = cells_of(trajectory, [trajectory.poses[0].compose(true[0].between(p)) for p in true])
+    made = int((finalised(trajectory).grid.log_odds > 0).sum())
     assert torn > 1.3 * right
     assert made < 1.1 * right
 
 
-def track_map_cells(trajectory: TrackedTrajectory, poses: list[Pose2D]) -> int:
+def cells_of(trajectory: TrackedTrajectory, poses: list[Pose2D]) -> int:
     """Occupied cells of the map that these poses make."""
     one = Slam().map
     for keyframe in trajectory.keyframes:
@@ -101,62 +88,18 @@ def track_map_cells(trajectory: TrackedTrajectory, poses: list[Pose2D]) -> int:
 
 def test_two_runs_give_the_same_bytes() -> None:
     trajectory, _ = ring_trajectory(0.2)
-    one, other = finished(trajectory), finished(trajectory)
+    one, other = finalised(trajectory), finalised(trajectory)
     assert one.poses == other.poses
     assert one.loops == other.loops
     assert one.grid.log_odds.tobytes() == other.grid.log_odds.tobytes()
 
 
-def test_one_scan_is_a_track() -> None:
+def test_one_scan_is_a_trajectory() -> None:
     trajectory = trajectory_of([Pose2D(1, 2, 3)], [see(ring(), laps(1)[0])])
-    result = finished(trajectory)
+    result = finalised(trajectory)
     assert result.poses == [Pose2D(1, 2, 3)]
     assert result.loops == ()
     assert (result.grid.log_odds > 0).any()
-
-
-# --- refinement
-
-
-def test_refinement_takes_the_noise_out_of_poses() -> None:
-    trajectory, true = ring_trajectory(0.0)
-    rng = np.random.default_rng(0)
-    noisy = [pose.compose(Pose2D(*rng.normal(0, [0.03, 0.03, 0.01]).tolist())) for pose in true]
-    noisy[0] = true[0]
-    refined = refine(trajectory, noisy, MAP.resolution, RefineParameters())
-
-    def spread(poses: list[Pose2D]) -> float:
-        return float(np.mean([a.distance(b) for a, b in zip(poses, true, strict=True)]))
-
-    assert spread(refined) < spread(noisy) / 2
-
-
-def test_no_pose_goes_far() -> None:
-    trajectory, true = ring_trajectory(0.0)
-    off = [pose.compose(Pose2D(0.1 * (k % 2))) for k, pose in enumerate(true)]
-    # Without rounds, all scans are fitted once.
-    refined = refine(trajectory, off, MAP.resolution, RefineParameters(rounds=0, farthest_m=0.02))
-    assert max(a.distance(b) for a, b in zip(off, refined, strict=True)) <= 0.02
-    assert refined != off
-
-
-def test_scans_that_are_no_keyframes_are_refined_too() -> None:
-    whole, true = ring_trajectory(0.0)
-    some = [frame for frame in whole.keyframes if frame.scan % 2 == 0]
-    trajectory = replace(whole, keyframes=some)
-    off = [pose.compose(Pose2D(0.03 * (k % 2), 0.0, 0.0)) for k, pose in enumerate(true)]
-    refined = refine(trajectory, off, MAP.resolution, RefineParameters())
-    errors = [a.distance(b) for a, b in zip(refined, true, strict=True)]
-    assert np.mean(errors[1::2]) < 0.01  # of 3 cm
-
-
-def test_a_scan_with_few_points_stays_where_it_is() -> None:
-    whole, true = ring_trajectory(0.0)
-    trajectory = replace(whole, points=list(whole.points))
-    trajectory.points[60] = trajectory.points[60][:4]
-    off = [pose.compose(Pose2D(0.02)) if k == 60 else pose for k, pose in enumerate(true)]
-    refined = refine(trajectory, off, MAP.resolution, RefineParameters(fewest=5))
-    assert refined[60] == off[60]
 
 
 # --- whole runs
@@ -197,7 +140,7 @@ def test_a_blind_hall_on_the_way_tears_nothing() -> None:
     assert worst(result.poses, true) < 0.15
 
 
-def test_a_log_that_never_sees_has_nothing_to_finish() -> None:
+def test_a_log_that_never_sees_has_nothing_to_finalise() -> None:
     scans, true = ring_scans()
     slam, found, result = run([blind(scan) for scan in scans], true)
     assert result is None
@@ -205,7 +148,7 @@ def test_a_log_that_never_sees_has_nothing_to_finish() -> None:
     assert found[0].pose == Pose2D()
 
 
-def test_without_loops_there_is_nothing_to_finish() -> None:
+def test_without_loops_there_is_nothing_to_finalise() -> None:
     scans, true = ring_scans()
     slam = Slam(SlamParameters(loops=None))
     list(slam.replay(log_of(scans[:20], true[:20])))

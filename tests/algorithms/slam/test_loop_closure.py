@@ -114,7 +114,7 @@ def test_two_runs_are_the_same() -> None:
     ]
 
 
-def test_progress_is_told_for_each_stretch() -> None:
+def test_progress_is_told_for_each_submap() -> None:
     true, seen = around_the_ring(30)
     closer, heard = closer_of(true, seen), []
     closer.run(heard.append)
@@ -261,7 +261,9 @@ def test_one_loop_alone_is_not_believed(ring_closer: LoopCloser) -> None:
     assert len(ring_closer.pending) == 1
 
 
-def test_two_that_agree_are_believed_even_if_the_track_was_wrong(ring_closer: LoopCloser) -> None:
+def test_two_that_agree_are_believed_even_if_the_trajectory_was_wrong(
+    ring_closer: LoopCloser,
+) -> None:
     # Both say that the second lap is a metre ahead of where it was tracked.
     ahead = Pose2D(1.0, -0.5, 0.1)
     poses = list(ring_closer.graph.poses)
@@ -281,7 +283,7 @@ def test_two_that_contradict_each_other_are_not(ring_closer: LoopCloser, error: 
     assert len(ring_closer.pending) == 2
 
 
-def test_the_same_stretch_twice_is_no_agreement(ring_closer: LoopCloser) -> None:
+def test_the_same_submap_twice_is_no_agreement(ring_closer: LoopCloser) -> None:
     waiting(ring_closer, (0, 7, Pose2D()), (1, 7, Pose2D()))
     assert not ring_closer.accept()
 

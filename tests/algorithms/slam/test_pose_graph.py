@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mapcli.algorithms.slam.pose_graph import Edge, PoseGraph
+from mapcli.algorithms.slam.pose_graph import LOOP_METRES, Edge, PoseGraph
 from mapcli.model.pose import Pose2D
 
 LOOSE = np.diag([0.1**2, 0.1**2, 0.05**2])
@@ -65,51 +65,51 @@ def test_only_edges_that_were_not_driven_are_loops() -> None:
     assert not Edge(0, 1, Pose2D(), LOOSE, 0.001).is_loop
 
 
-# --- ways
+# --- paths
 
 
-def test_the_way_along_a_chain() -> None:
+def test_the_path_along_a_chain() -> None:
     # Straight on, two steps of 3 m. A turn of the middle pose moves the last one to the side.
     graph = chain([Pose2D(), Pose2D(3), Pose2D(6)])
-    ways = graph.shortest_paths(0)
-    assert [ways[k].metres for k in range(3)] == [0, 3, 6]
-    assert not ways[0].covariance.any()
-    assert ways[1].covariance == pytest.approx(LOOSE)
+    paths = graph.shortest_paths(0)
+    assert [paths[k].metres for k in range(3)] == [0, 3, 6]
+    assert not paths[0].covariance.any()
+    assert paths[1].covariance == pytest.approx(LOOSE)
     expected = [
         [0.02, 0, 0],
         [0, 0.02 + 9 * 0.0025, 3 * 0.0025],
         [0, 3 * 0.0025, 2 * 0.0025],
     ]
-    assert ways[2].covariance == pytest.approx(np.array(expected))
+    assert paths[2].covariance == pytest.approx(np.array(expected))
 
 
-def test_the_way_back_along_a_chain() -> None:
+def test_the_path_back_along_a_chain() -> None:
     # Seen from the last pose, the middle one is also uncertain by how the last one's turn was.
     graph = chain([Pose2D(), Pose2D(3), Pose2D(6)])
-    ways = graph.shortest_paths(2)
-    assert [ways[k].metres for k in range(3)] == [6, 3, 0]
+    paths = graph.shortest_paths(2)
+    assert [paths[k].metres for k in range(3)] == [6, 3, 0]
     middle = [[0.01, 0, 0], [0, 0.01 + 9 * 0.0025, -3 * 0.0025], [0, -3 * 0.0025, 0.0025]]
-    assert ways[1].covariance == pytest.approx(np.array(middle))
+    assert paths[1].covariance == pytest.approx(np.array(middle))
     first = [
         [0.02, 0, 0],
         [0, 0.02 + (9 + 36) * 0.0025, -9 * 0.0025],
         [0, -9 * 0.0025, 2 * 0.0025],
     ]
-    assert ways[0].covariance == pytest.approx(np.array(first))
+    assert paths[0].covariance == pytest.approx(np.array(first))
 
 
-def sampled(poses: list[Pose2D], way: list[int], count: int = 20_000) -> np.ndarray:
-    """Covariance of a way's end as seen from its start, by drawing each edge's error."""
+def sampled(poses: list[Pose2D], path: list[int], count: int = 20_000) -> np.ndarray:
+    """Covariance of a path's end as seen from its start, by drawing each edge's error."""
     rng = np.random.default_rng(0)
     factor = np.linalg.cholesky(SKEWED)
     errors = []
     for _ in range(count):
         pose = Pose2D()
-        for a, b in pairwise(way):
+        for a, b in pairwise(path):
             off = Pose2D(*(factor @ rng.normal(size=3)).tolist())
             measured = poses[min(a, b)].between(poses[max(a, b)]).compose(off)
             pose = pose.compose(measured if a < b else measured.inverse())
-        end = poses[way[0]].between(poses[way[-1]]).between(pose)
+        end = poses[path[0]].between(poses[path[-1]]).between(pose)
         errors.append(as_row(end))
     return np.cov(np.array(errors).T)
 
@@ -117,32 +117,32 @@ def sampled(poses: list[Pose2D], way: list[int], count: int = 20_000) -> np.ndar
 SKEWED = np.array([[4.0, 1.0, 0.5], [1.0, 2.0, -0.3], [0.5, -0.3, 1.0]]) * 1e-4
 
 
-@pytest.mark.parametrize("way", [[0, 1, 2, 3], [3, 2, 1, 0]])
-def test_uncertainty_gathers_as_if_it_were_drawn(way: list[int]) -> None:
+@pytest.mark.parametrize("path", [[0, 1, 2, 3], [3, 2, 1, 0]])
+def test_covariance_adds_up_as_if_it_were_drawn(path: list[int]) -> None:
     graph = chain(CORNERS[:4], SKEWED)
-    gathered = graph.shortest_paths(way[0])[way[-1]].covariance
-    drawn = sampled(CORNERS, way, 4000)
+    added = graph.shortest_paths(path[0])[path[-1]].covariance
+    drawn = sampled(CORNERS, path, 4000)
     # 4000 draws know each entry to about sqrt(2 / 4000) = 2 % of its variances.
-    scale = np.sqrt(np.outer(np.diag(gathered), np.diag(gathered)))
-    assert np.abs(drawn - gathered).max() <= 0.1 * scale.max()
-    assert (np.abs(drawn - gathered) / scale).max() < 0.1
+    scale = np.sqrt(np.outer(np.diag(added), np.diag(added)))
+    assert np.abs(drawn - added).max() <= 0.1 * scale.max()
+    assert (np.abs(drawn - added) / scale).max() < 0.1
 
 
-def test_a_loop_is_a_short_way() -> None:
+def test_a_loop_is_a_short_path() -> None:
     graph = chain(drifting(4, Pose2D()))
     assert graph.shortest_paths(4)[0].metres == 16
     loop = Edge(0, 4, Pose2D(), TIGHT)
     graph.add(loop)
-    ways = graph.shortest_paths(4)
-    assert ways[0].metres == PoseGraph.LOOP_METRES
-    assert ways[0].covariance == pytest.approx(TIGHT)
-    assert ways[1].metres == PoseGraph.LOOP_METRES + 4
-    assert ways[2].metres == pytest.approx(8)  # the other way round
+    paths = graph.shortest_paths(4)
+    assert paths[0].metres == LOOP_METRES
+    assert paths[0].covariance == pytest.approx(TIGHT)
+    assert paths[1].metres == LOOP_METRES + 4
+    assert paths[2].metres == pytest.approx(8)  # the other way round
     graph.remove(loop)
     assert graph.shortest_paths(4)[0].metres == 16
 
 
-def test_no_way_is_gone_farther_than_wanted() -> None:
+def test_no_path_goes_farther_than_wanted() -> None:
     graph = chain(drifting(4, Pose2D()))
     assert set(graph.shortest_paths(4, [3])) == {3, 4}
     assert graph.shortest_paths(4, []) == {}

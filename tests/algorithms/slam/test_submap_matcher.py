@@ -44,9 +44,7 @@ def test_the_place_is_the_same(round_again: list[Keyframe]) -> None:
     [Pose2D(), Pose2D(0.8, -0.6, math.radians(8)), Pose2D(-1.0, 0.9, math.radians(-9))],
     ids=["where it is", "off", "off the other way"],
 )
-def test_a_stretch_is_found_in_the_map_from_before(
-    round_again: list[Keyframe], off: Pose2D
-) -> None:
+def test_a_submap_is_found_in_the_map_from_before(round_again: list[Keyframe], off: Pose2D) -> None:
     true = seen_from(round_again, OLD, NEW)
     match = SubmapMatcher(round_again, MAP).match(OLD, NEW, true.compose(off), WINDOW, DEVIATIONS)
     assert match is not None
@@ -132,7 +130,7 @@ def gaps(points: np.ndarray) -> np.ndarray:
     return np.hypot(*(points[:, None] - nearest).transpose(2, 0, 1)).min(axis=1)
 
 
-def test_points_are_those_around_the_anchor_in_its_frame(round_again: list[Keyframe]) -> None:
+def test_points_are_those_around_the_origin_in_its_frame(round_again: list[Keyframe]) -> None:
     points = SubmapMatcher(round_again, MAP).points(OLD)
     assert len(points) > 300
     assert gaps(round_again[OLD].pose.apply(points)).max() < 1e-6
@@ -141,7 +139,7 @@ def test_points_are_those_around_the_anchor_in_its_frame(round_again: list[Keyfr
     assert len(squares) == len(points)
 
 
-def test_a_map_has_its_anchor_in_the_middle(round_again: list[Keyframe]) -> None:
+def test_a_map_has_its_origin_in_the_middle(round_again: list[Keyframe]) -> None:
     grid = SubmapMatcher(round_again, MAP).map_around(OLD).to_grid_map()
     walls = round_again[OLD].pose.apply(grid.world_of_cells(*np.nonzero(grid.cells > 0.65)))
     assert len(walls) > 300
@@ -170,7 +168,7 @@ def test_what_is_kept_does_not_change_the_answer(round_again: list[Keyframe]) ->
     assert one.covariance.tobytes() == other.covariance.tobytes()
 
 
-def test_a_stretch_that_saw_nothing_matches_nothing(round_again: list[Keyframe]) -> None:
+def test_a_submap_that_saw_nothing_matches_nothing(round_again: list[Keyframe]) -> None:
     seen = [frame.perception if k >= 60 else NOTHING for k, frame in enumerate(round_again)]
     keyframes = trajectory_of([frame.pose for frame in round_again], seen).keyframes
     matcher = SubmapMatcher(keyframes, MAP)
