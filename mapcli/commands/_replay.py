@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from mapcli.commands._log_options import LogInput
 from mapcli.commands._output import progress, progress_of_steps
 from mapcli.errors import DataError
 from mapcli.formats.logs.open_log import Log
+from mapcli.model.pose import Pose2D
 
 
 def replay_log(
@@ -51,6 +52,18 @@ def _costs_scans(log: Log, what: str) -> bool:
     return what.startswith(("scans ", f"messages on {topic} ", f"lines without a valid {topic} "))
 
 
-def effective_parameters(log_input: LogInput, slam: Slam) -> dict[str, Any]:
-    """Everything that the result depends on."""
-    return {**log_input.parameters(), **asdict(slam.parameters)}
+def effective_parameters(
+    log_input: LogInput, slam: Slam, start: Pose2D | None, known: Mapping[str, str]
+) -> dict[str, Any]:
+    """Everything that the result depends on besides the log.
+
+    Args:
+        start: where the robot starts, if that was said; known: the files of the known map, name
+            -> SHA-256.
+    """
+    return {
+        **log_input.parameters(),
+        "initial_pose": None if start is None else asdict(start),
+        "known": [{"file": name, "sha256": digest} for name, digest in known.items()],
+        **asdict(slam.parameters),
+    }

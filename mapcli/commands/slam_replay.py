@@ -38,7 +38,7 @@ from mapcli.commands._replay_outputs import (
 )
 from mapcli.commands._replay_perceptions import perception_files, write_perceptions
 from mapcli.errors import DataError
-from mapcli.formats.maps.load import LoadedMap, load_map
+from mapcli.formats.maps.load import DigestingReader, LoadedMap, load_map
 from mapcli.model.pose import Pose2D
 from mapcli.model.summary import Limit
 
@@ -135,7 +135,8 @@ def command(
     if localize and not known:
         raise click.UsageError("--localize needs --known, the map to find the poses in.")
     files = perception_files(folder or default_folder(logs[0]), saved)
-    base = load_map(known) if known else None
+    read = DigestingReader()
+    base = load_map(known, read=read) if known else None
     inputs = [*logs, *(map(str, base.files) if base else ())]
     check_replay_outputs(outputs, inputs, list(files.values()), no_clobber=no_clobber)
     parameters = slam_parameters(loops=loop_closing and not known, frozen=localize, **model)
@@ -143,7 +144,8 @@ def command(
     log = log_input.open(logs)
     replayed, run = replay_log(log, log_input, slam, files, quiet=quiet)
     summary = replayed.summary
-    head = {"inputs": log.digests(), "parameters": effective_parameters(log_input, slam)}
+    told = effective_parameters(log_input, slam, initial_pose, read.digests)
+    head = {"inputs": log.digests(), "parameters": told}
     write_outputs(outputs, replayed, head, no_clobber=no_clobber)
     write_perceptions(files, run.kept, replayed.trace, parameters.perception, log.name,
                       no_clobber=no_clobber)  # fmt: skip

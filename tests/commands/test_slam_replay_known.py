@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import shutil
 from pathlib import Path
@@ -131,6 +132,17 @@ def test_no_loops_are_closed_in_a_known_map() -> None:
     found = traced(APARTMENT, "--known", "map.yaml", "--initial-pose", "0,0,0", "--every", "10")
     assert found["summary"]["loops"] == 0
     assert found["parameters"]["loops"] is None
+
+
+def test_the_trace_tells_where_it_began_and_in_which_map() -> None:
+    told = traced(CORRIDOR, "--known", "map.yaml", "--initial-pose", "0.1,0,0")["parameters"]
+    assert told["initial_pose"] == {"x": 0.1, "y": 0.0, "theta": 0.0}
+    assert told["known"] == [
+        {"file": name, "sha256": hashlib.sha256(Path(name).read_bytes()).hexdigest()}
+        for name in ("map.yaml", "map.pgm")
+    ]
+    alone = traced(CORRIDOR)["parameters"]
+    assert (alone["initial_pose"], alone["known"]) == (None, [])
 
 
 def test_no_loop_closing() -> None:

@@ -10,6 +10,7 @@ and write nothing; `commands/_output.py` does.
 
 from __future__ import annotations
 
+import hashlib
 import re
 import sys
 from collections.abc import Callable
@@ -82,6 +83,23 @@ def read_file(path: Path, expected: str = "a map file") -> bytes:
     except (OSError, ValueError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise FormatError(f"cannot be read: {reason.lower()}", file=path) from error
+
+
+class DigestingReader:
+    """Reads files as `read_file` does, and keeps their digests (stateful).
+
+    Attributes:
+        digests: file name -> SHA-256 in hexadecimal, in the order of reading; for documents that
+            say what they were made from.
+    """
+
+    def __init__(self) -> None:
+        self.digests: dict[str, str] = {}
+
+    def __call__(self, path: Path) -> bytes:
+        data = read_file(path)
+        self.digests[path.name] = hashlib.sha256(data).hexdigest()
+        return data
 
 
 def load_map(
