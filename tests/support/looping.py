@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import cast, edges_of
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
+from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopParameters
 from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.occupancy_grid import MapParameters
 from mapcli.algorithms.slam.scan_points import thinned
@@ -28,6 +29,9 @@ MATCH = np.diag([0.02**-2, 0.02**-2, math.radians(0.3) ** -2])
 ODOMETRY = MotionModel()
 NOTHING = Perception(np.empty((0, 2)), np.empty((0, 2)), np.zeros(2))
 """What is seen in a hall that is too large."""
+
+LAP = 35.0
+"""Metres around the ring, and a little more."""
 
 Edges = NDArray[np.float64]
 
@@ -143,6 +147,16 @@ def worst(found: list[Pose2D], true: list[Pose2D]) -> float:
     """The largest error of position, seen from the first pose."""
     pairs = zip(found, true, strict=True)
     return max(found[0].between(a).distance(true[0].between(b)) for a, b in pairs)
+
+
+@cache
+def around_the_ring(metres: float) -> tuple[list[Pose2D], list[Perception]]:
+    world, poses = ring(), laps(metres)
+    return poses, [see(world, pose) for pose in poses]
+
+
+def closer_of(tracked: list[Pose2D], seen: list[Perception]) -> LoopCloser:
+    return LoopCloser(trajectory_of(tracked, seen).keyframes, MAP, LoopParameters())
 
 
 PERIOD_NS = 200_000_000

@@ -1,9 +1,18 @@
-"""Closing the loop (Sect. 9.4): the robot comes back, and its map meets the map from before.
+"""Loop closure (Sect. 9.4): the robot comes back, and its map meets the map from before.
 
-Submaps of the trajectory are the poses of a graph. Each new one is looked for in the maps of the
-old ones that it may have come back to, as far as the uncertainty gathered along the graph allows. A
-wrong loop is worse than none: a loop must fit well, must not fit elsewhere as well, and must
-agree with another loop beside it, unless the graph knew already where it would be.
+A wrong loop is worse than none. Without a loop the map keeps the drift: it is bent, and still a
+map of the place, piece by piece. With a wrong loop the optimiser bends the whole trajectory until
+two different places lie on top of each other, and no later measurement brings them apart. So a
+loop is ACCEPTED only when
+
+1. it was to be expected: the old submap is within the window that the graph's uncertainty allows
+   (`loop_candidates`);
+2. it fits: the new submap's points agree with the old one's map, in the middle of the window and
+   nowhere else as well (`LoopCloser.is_reliable`);
+3. another loop next to it says the same (`LoopCloser.accept`): pairwise consistency;
+
+and it is dropped again when all loops together contradict it (`LoopCloser.prune`). Until then it
+has a robust kernel in the graph (`pose_graph`).
 """
 
 from __future__ import annotations
@@ -11,26 +20,49 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
 from mapcli.algorithms.slam.keyframes import Keyframe
+from mapcli.algorithms.slam.loop_candidates import APART_M, find_candidates, search_window
 from mapcli.algorithms.slam.occupancy_grid import MapParameters
 from mapcli.algorithms.slam.pose_graph import Edge, GraphPath, PoseGraph
-from mapcli.algorithms.slam.submap_matcher import SubmapMatch, SubmapMatcher, SubmapMatchParameters
-from mapcli.algorithms.slam.submaps import Submap, covariance_between, split_into_submaps
-from mapcli.model.pose import Pose2D
-from mapcli.model.se2_uncertainty import (
-    StandardDeviations,
-    largest_position_variance,
-    least_position_deviation,
+from mapcli.algorithms.slam.submap_matcher import SubmapMatch, SubmapMatcher
+from mapcli.algorithms.slam.submaps import (
+    SUBMAP_M,
+    Submap,
+    covariance_between,
+    split_into_submaps,
 )
+from mapcli.model.pose import Pose2D
+from mapcli.model.se2_uncertainty import least_position_deviation
 
-NEWS, NEWS_SHARE = 1.0, 0.05
-"""Standard deviations by which a loop contradicts a graph that has to move for it at once; the
-share of loops that may wait otherwise, lest the time grows with the square of their number."""
+LEAST_SCORE, LEAST_OVERLAP = 0.5, 0.4
+"""Of a match: agreement of the points that the map knows something about, and their share."""
+
+AMBIGUOUS_M = 0.5
+"""Metres; a match that fits as well this far off in EVERY direction is none. In one direction it
+may: a corridor fixes the pose across it."""
+
+CONSISTENT_M, CONSISTENT_DEG = 0.15, 1.0
+"""Metres and degrees by which two loops may contradict each other: what two matches are off."""
+
+CONSISTENT_M_PER_M, CONSISTENT_DEG_PER_M = 0.01, 0.05
+"""The same for each metre of trajectory between them: what tracking drifts by."""
+
+OPTIMISE_GATE = 1.0
+"""Mahalanobis distance (the root of a chi-square gate) at which a new loop contradicts the graph
+so much that it is optimised at once, from the loosest robust kernel on."""
+
+PENDING_SHARE = 0.05
+"""The share of the loops that may wait as pending factors otherwise, lest the time grows with the
+square of their number."""
+
+PRUNE_GATE = 5.0
+"""Mahalanobis distance beyond which a loop is contradicted by the others in the end."""
 
 
 @dataclass(frozen=True)
@@ -38,36 +70,18 @@ class LoopParameters:
     """When a place is taken for one from before.
 
     Attributes:
-        submap_m: metres of trajectory that make one submap.
-        apart_m: metres to be driven before a place can be an old one.
-        near_m: metres between origins that see the same.
-        deviations: the window's half-width in standard deviations of the graph.
-        window_xy, window_deg: added to it; most_xy, most_deg: its limits.
-        drift: how wrong all matches together may be besides, as a share of the way.
-        candidates: old visits that are compared at most.
-        score, overlap: what a match must reach.
-        doubt: metres; a match that fits elsewhere this far off, in every direction, is no match.
-        agree_xy, agree_deg, agree_share, agree_deg_per_m: how well two loops must agree.
+        widest_xy: metres: how far off the pose may be when the robot comes back; half the width
+            of the widest search.
     """
 
-    submap_m: float = 5.0
-    apart_m: float = 20.0
-    near_m: float = 4.0
-    deviations: float = 3.0
-    window_xy: float = 0.3
-    window_deg: float = 2.0
-    most_xy: float = 8.0
-    most_deg: float = 30.0
-    drift: float = 0.005
-    candidates: int = 4
-    score: float = 0.5
-    overlap: float = 0.4
-    doubt: float = 0.5
-    agree_xy: float = 0.15
-    agree_deg: float = 1.0
-    agree_share: float = 0.01
-    agree_deg_per_m: float = 0.05
-    submap: SubmapMatchParameters = field(default_factory=SubmapMatchParameters)
+    widest_xy: float = 8.0
+
+
+class ScoredLoop(NamedTuple):
+    """A loop between two submaps, and the score of its match, 0 to 1."""
+
+    edge: Edge
+    score: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,8 +89,9 @@ class LoopClosureResult:
     """What became of the loops.
 
     Attributes:
-        submaps: of the trajectory; origins: their origins' poses, moved.
-        loops: between keyframes (numbers of keyframes); scores: of each.
+        submaps: of the trajectory.
+        origins: the poses of their origins, loops closed.
+        loops: that were accepted, between submaps (their numbers); scores: of each.
     """
 
     submaps: list[Submap]
@@ -86,24 +101,32 @@ class LoopClosureResult:
 
 
 class LoopCloser:
-    """One run over a trajectory (stateful: the graph grows)."""
+    """One run over a trajectory (stateful: the graph grows).
+
+    Attributes:
+        submaps: of the trajectory; metres: driven until each submap's origin.
+        graph: a pose for each submap; edges along the trajectory, and loops.
+        unconfirmed: loops that wait for another one that is consistent with them.
+        accepted: loops in the graph.
+    """
 
     def __init__(
         self, keyframes: list[Keyframe], map_: MapParameters, parameters: LoopParameters
     ) -> None:
         self.keyframes, self.parameters = keyframes, parameters
-        self.submaps = split_into_submaps(keyframes, parameters.submap_m)
-        self.matcher = SubmapMatcher(keyframes, map_, parameters.submap)
+        self.submaps = split_into_submaps(keyframes)
+        self.matcher = SubmapMatcher(keyframes, map_)
         self.graph = PoseGraph([keyframes[s.origin].pose for s in self.submaps])
         for k, (a, b) in enumerate(pairwise(s.origin for s in self.submaps)):
-            self.graph.add(self._chained(k, a, b))
+            self.graph.add(self._tracked_edge(k, a, b))
         self.metres = np.array([keyframes[s.origin].metres for s in self.submaps])
-        self.pending: list[tuple[Edge, float]] = []
-        self.closed: list[tuple[Edge, float]] = []
-        self._untold = 0  # accepted since the graph was optimised
-        self._loops_to: defaultdict[int, list[Edge]] = defaultdict(list)  # pending and closed
+        self.unconfirmed: list[ScoredLoop] = []
+        self.accepted: list[ScoredLoop] = []
+        self._pending_factors = 0  # accepted since the graph was optimised
+        self._loops_to: defaultdict[int, list[Edge]] = defaultdict(list)  # of both lists
 
-    def _chained(self, k: int, a: int, b: int) -> Edge:
+    def _tracked_edge(self, k: int, a: int, b: int) -> Edge:
+        """From submap k to the next one, with origins a and b, as tracked."""
         one, other = self.keyframes[a], self.keyframes[b]
         covariance = covariance_between(self.keyframes, a, b)
         metres = max(other.metres - one.metres, 1e-3)
@@ -112,129 +135,105 @@ class LoopCloser:
     def run(self, progress: Callable[[int], None] = lambda submap: None) -> LoopClosureResult:
         """Close all loops, in the order in which the robot came back."""
         for new in range(len(self.submaps)):
-            for old, way in self.candidates(new).items():
-                self.compare(old, new, way)
-            self.learn(self.accept())
+            for old, path in self.candidates(new).items():
+                self.compare(old, new, path)
+            self.update_graph(self.accept())
             progress(new)
-        if self._untold:
+        if self._pending_factors:
             self.graph.optimise(is_settled=True)
         self.prune()
-        loops = [edge for edge, _ in self.closed]
-        return LoopClosureResult(self.submaps, self.graph.poses, loops, [s for _, s in self.closed])
-
-    def learn(self, accepted: list[Edge]) -> None:
-        """Optimise the graph, unless loops only tell what many before have told."""
-        if not accepted:
-            return
-        self._untold += len(accepted)
-        is_news = max(edge.error(self.graph.poses) for edge in accepted) >= NEWS
-        if is_news or self._untold >= NEWS_SHARE * len(self.closed):
-            self.graph.optimise(is_settled=not is_news)
-            self._untold = 0
+        loops, scores = [one.edge for one in self.accepted], [one.score for one in self.accepted]
+        return LoopClosureResult(self.submaps, self.graph.poses, loops, scores)
 
     def candidates(self, new: int) -> dict[int, GraphPath]:
-        """Old submaps where the robot may be again: the nearest of each visit, unless a short
-        way through the graph leads there, so that nothing would be learned."""
-        p = self.parameters
-        near = self._near(new)
-        ways = self.graph.shortest_paths(new, near)
-        nearest: list[int] = []
-        for k, distance in near.items():
-            if distance >= p.near_m + self._window(ways[k])[0]:
-                continue
-            if all(abs(self.metres[k] - self.metres[j]) > p.apart_m for j in nearest):
-                nearest.append(k)
-        far = [k for k in nearest if ways[k].metres >= p.apart_m]
-        return {k: ways[k] for k in far[: p.candidates]}
+        """Old submaps where the robot may be again, and the paths there."""
+        return find_candidates(self.graph, self.metres, new, self.parameters.widest_xy)
 
-    def _near(self, new: int) -> dict[int, float]:
-        """Old submaps that may be candidates, with their distances, the nearest first."""
-        p, here = self.parameters, self.graph.poses[new]
-        old = int(np.searchsorted(self.metres, self.metres[new] - p.apart_m, side="right"))
-        distances = np.hypot(*(self.graph.positions()[:old] - (here.x, here.y)).T)
-        near = np.flatnonzero(distances < p.near_m + p.most_xy)
-        near = near[np.argsort(distances[near], kind="stable")]
-        return dict(zip(near.tolist(), distances[near].tolist(), strict=True))
-
-    def _window(self, way: GraphPath) -> tuple[float, float]:
-        """Half-widths of where a submap may be, metres and radians."""
-        p, covariance = self.parameters, way.covariance
-        variance = largest_position_variance(covariance)
-        xy = p.deviations * math.sqrt(variance + (p.drift * way.metres) ** 2)
-        turn = p.deviations * math.sqrt(float(covariance[2, 2]))
-        return (
-            min(p.window_xy + xy, p.most_xy),
-            min(math.radians(p.window_deg) + turn, math.radians(p.most_deg)),
-        )
-
-    def compare(self, old: int, new: int, way: GraphPath) -> None:
-        """Look for a submap in an old one's map; a good match waits for agreement."""
-        p, poses = self.parameters, self.graph.poses
-        window, predicted = self._window(way), poses[old].between(poses[new])
+    def compare(self, old: int, new: int, path: GraphPath) -> None:
+        """Look for a submap in an old one's map; a reliable match becomes a loop that waits for
+        confirmation."""
+        window = search_window(path, self.parameters.widest_xy)
+        predicted = self.graph.poses[old].between(self.graph.poses[new])
         a, b = self.submaps[old].origin, self.submaps[new].origin
-        deviations = StandardDeviations(window[0] / p.deviations, window[1] / p.deviations)
-        match = self.matcher.match(a, b, predicted, window, deviations)
-        if match is not None and self._is_good(match):
-            self.offer(Edge(old, new, match.pose, match.covariance), match.score)
+        match = self.matcher.match(a, b, predicted, window, window.deviations())
+        if match is not None and self.is_reliable(match):
+            self.propose(Edge(old, new, match.pose, match.covariance), match.score)
 
-    def _is_good(self, match: SubmapMatch) -> bool:
-        p = self.parameters
-        fits = match.score >= p.score and match.overlap >= p.overlap and not match.at_edge
-        return fits and least_position_deviation(match.covariance) < p.doubt
+    def is_reliable(self, match: SubmapMatch) -> bool:
+        """Whether a match fits well, on enough ground, and not elsewhere as well."""
+        fits = match.score >= LEAST_SCORE and match.overlap >= LEAST_OVERLAP and not match.at_edge
+        return fits and least_position_deviation(match.covariance) < AMBIGUOUS_M
 
-    def offer(self, loop: Edge, score: float) -> None:
-        """A loop that waits for another one that agrees with it."""
-        self.pending.append((loop, score))
+    def propose(self, loop: Edge, score: float) -> None:
+        """A loop that waits for another one that is consistent with it."""
+        self.unconfirmed.append(ScoredLoop(loop, score))
         self._loops_to[loop.to].append(loop)
 
     def accept(self) -> list[Edge]:
-        """Take the waiting loops that agree with another one; which they were.
+        """HERE A LOOP IS ACCEPTED: when another loop, of a submap shortly before, is consistent
+        with it. Both go into the graph; returns which they were.
 
-        Only the newest ones can tell anything that was not known before.
+        Two wrong matches seldom are wrong by the same motion, while right ones always agree: this
+        is the pairwise consistency of Olson (2009, recognizing places by local matches) and
+        Mangelson et al. (2018, pairwise consistent measurement sets). A set as large as possible
+        need not be searched: one neighbour that agrees is enough, as loops to the same old place
+        come one after the other.
+
+        Only loops of the newest submap can confirm anything that was not confirmed before.
         """
-        newest = max((edge.to for edge, _ in self.pending), default=0)
-        agreed: set[Edge] = set()
+        newest = max((loop.edge.to for loop in self.unconfirmed), default=0)
+        confirmed: set[Edge] = set()
         for loop in self._loops_to[newest]:
-            for other in self._beside(newest):
-                if self._agree(loop, other):
-                    agreed |= {loop, other}
-        taken = [one for one in self.pending if one[0] in agreed]
+            for other in self._loops_before(newest):
+                if self._are_consistent(loop, other):
+                    confirmed |= {loop, other}
+        taken = [one for one in self.unconfirmed if one.edge in confirmed]
         for one in taken:
-            self.graph.add(one[0])
-        self.closed += taken
-        self.pending = [one for one in self.pending if one[0] not in agreed]
-        return [edge for edge, _ in taken]
+            self.graph.add(one.edge)
+        self.accepted += taken
+        self.unconfirmed = [one for one in self.unconfirmed if one.edge not in confirmed]
+        return [one.edge for one in taken]
 
-    def _beside(self, submap: int) -> Iterator[Edge]:
-        """Loops of the submaps just before."""
-        p = self.parameters
+    def _loops_before(self, submap: int) -> Iterator[Edge]:
+        """Loops of the submaps just before one."""
         for k in range(submap - 1, -1, -1):
-            if self.metres[submap] - self.metres[k] > p.apart_m + p.submap_m:
+            if self.metres[submap] - self.metres[k] > APART_M + SUBMAP_M:
                 break
             yield from self._loops_to[k]
 
-    def _agree(self, one: Edge, other: Edge) -> bool:
-        """Whether two loops beside each other say the same, going round over both of them."""
-        p = self.parameters
+    def _are_consistent(self, one: Edge, other: Edge) -> bool:
+        """Whether two loops say the same: from the one's `to` by the one to its old submap, along
+        the old trajectory to the other's, and by the other to its `to`, one must come to where
+        the new trajectory leads as well."""
         new = abs(self.metres[one.to] - self.metres[other.to])
         old = abs(self.metres[one.from_] - self.metres[other.from_])
-        if old > 2 * p.apart_m:
+        if old > 2 * APART_M:
             return False
         before = self._tracked(one.from_).between(self._tracked(other.from_))
         round_ = one.measured.inverse().compose(before).compose(other.measured)
         off = self._tracked(one.to).between(self._tracked(other.to)).between(round_)
-        far = math.hypot(off.x, off.y) <= p.agree_xy + p.agree_share * (new + old)
-        turn = math.radians(p.agree_deg + p.agree_deg_per_m * (new + old))
+        far = math.hypot(off.x, off.y) <= CONSISTENT_M + CONSISTENT_M_PER_M * (new + old)
+        turn = math.radians(CONSISTENT_DEG + CONSISTENT_DEG_PER_M * (new + old))
         return far and abs(off.theta) <= turn
 
     def _tracked(self, submap: int) -> Pose2D:
         return self.keyframes[self.submaps[submap].origin].pose
 
+    def update_graph(self, accepted: list[Edge]) -> None:
+        """Optimise the graph, unless loops only say what many before have said."""
+        if not accepted:
+            return
+        self._pending_factors += len(accepted)
+        contradicts = max(edge.error(self.graph.poses) for edge in accepted) >= OPTIMISE_GATE
+        if contradicts or self._pending_factors >= PENDING_SHARE * len(self.accepted):
+            self.graph.optimise(is_settled=not contradicts)
+            self._pending_factors = 0
+
     def prune(self) -> None:
-        """Let go of loops that the others contradict in the end."""
-        wrong = [one for one in self.closed if one[0].error(self.graph.poses) > 5]
+        """Drop loops that the others contradict in the end."""
+        wrong = [one for one in self.accepted if one.edge.error(self.graph.poses) > PRUNE_GATE]
         for one in wrong:
-            self.graph.remove(one[0])
-            self.closed.remove(one)
+            self.graph.remove(one.edge)
+            self.accepted.remove(one)
         if wrong:
             self.graph.optimise()

@@ -25,6 +25,7 @@ from mapcli.algorithms.slam.odometry_calibration import CalibrationParameters
 from mapcli.algorithms.slam.odometry_faults import FaultParameters, OdometryFaults
 from mapcli.algorithms.slam.scan_matcher import ScanInMap, best_pose
 from mapcli.algorithms.slam.scan_points import points_of
+from mapcli.algorithms.slam.submaps import SUBMAP_M
 from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan, Record
@@ -152,7 +153,7 @@ class Slam:
     def submap_count(self) -> int:
         """About how many submaps `finalise` will look at."""
         loops, keyframes = self.parameters.loops, self.trajectory.keyframes
-        return 1 + int(keyframes[-1].metres / loops.submap_m) if loops and keyframes else 0
+        return 1 + int(keyframes[-1].metres / SUBMAP_M) if loops and keyframes else 0
 
     def finalise(self, progress: Callable[[int], None] = lambda step: None) -> BackEndResult | None:
         """Close the loops and refine all poses; None if there is nothing to improve.

@@ -17,6 +17,9 @@ from mapcli.algorithms.slam.keyframes import Keyframe, TrackedTrajectory
 from mapcli.model.pose import Pose2D, interpolate
 from mapcli.model.se2_uncertainty import Covariance, moved_covariance
 
+SUBMAP_M = 5.0
+"""Metres of trajectory in a submap. Shorter ones are more ambiguous, longer ones are bent."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Submap:
@@ -27,7 +30,7 @@ class Submap:
     origin: int
 
 
-def split_into_submaps(keyframes: list[Keyframe], metres: float) -> list[Submap]:
+def split_into_submaps(keyframes: list[Keyframe], metres: float = SUBMAP_M) -> list[Submap]:
     """Submaps of about so many metres, one after the other; the origin of each is the first
     keyframe in its second half."""
     starts = [0]

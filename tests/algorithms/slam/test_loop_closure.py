@@ -1,4 +1,4 @@
-"""Closing the loop: what is compared, what is believed, and what is let go."""
+"""Closing the loop: what is compared, what is accepted, and what is dropped."""
 
 from __future__ import annotations
 
@@ -9,34 +9,25 @@ from functools import cache
 import numpy as np
 import pytest
 from support.looping import (
-    MAP,
+    LAP,
+    around_the_ring,
+    closer_of,
     drifted,
-    laps,
-    ring,
     rooms,
     see,
     there_and_back,
-    trajectory_of,
     worst,
 )
 
 from mapcli.algorithms.scans.perception import Perception
-from mapcli.algorithms.slam.keyframes import Keyframe
-from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopParameters
+from mapcli.algorithms.slam.loop_candidates import APART_M
+from mapcli.algorithms.slam.loop_closure import LEAST_SCORE, LoopCloser, ScoredLoop
 from mapcli.algorithms.slam.pose_graph import Edge
 from mapcli.algorithms.slam.submap_matcher import SubmapMatch
+from mapcli.algorithms.slam.submaps import SUBMAP_M
 from mapcli.model.pose import Pose2D
 
-USUAL = LoopParameters()
-LAP = 35.0
-"""Metres around the ring, and a little more."""
 TIGHT = np.diag([0.03**2, 0.03**2, 0.005**2])
-
-
-@cache
-def around_the_ring(metres: float) -> tuple[list[Pose2D], list[Perception]]:
-    world, poses = ring(), laps(metres)
-    return poses, [see(world, pose) for pose in poses]
 
 
 @cache
@@ -44,12 +35,6 @@ def along_the_rooms() -> tuple[list[Pose2D], list[Perception]]:
     """40 m along rooms that are all alike, one every 3 m, and back."""
     world, poses = rooms(14), there_and_back(41)
     return poses, [see(world, pose, 5.0) for pose in poses]
-
-
-def closer_of(
-    tracked: list[Pose2D], seen: list[Perception], parameters: LoopParameters = USUAL
-) -> LoopCloser:
-    return LoopCloser(trajectory_of(tracked, seen).keyframes, MAP, parameters)
 
 
 def origins_of(closer: LoopCloser, poses: list[Pose2D]) -> list[Pose2D]:
@@ -74,7 +59,7 @@ def test_a_ring_is_closed(drift: float) -> None:
     closed = closer.run()
     assert len(closed.loops) >= 2
     assert len(closed.scores) == len(closed.loops)
-    assert min(closed.scores) >= USUAL.score
+    assert min(closed.scores) >= LEAST_SCORE
     # A submap is bent by the drift along its 10 m: by less than 5 m * sin(10 m * drift) / 2.
     bent = 2.5 * math.radians(10 * abs(drift))
     assert max(errors_of(closed.loops, origins)) < 0.02 + bent
@@ -159,51 +144,6 @@ def test_a_hall_where_nothing_is_seen() -> None:
     assert all_blind.loops == []
 
 
-# --- candidates
-
-
-def test_candidates_are_the_nearest_of_each_earlier_visit() -> None:
-    true, seen = around_the_ring(2.9 * LAP)
-    closer = closer_of(true, seen)
-    poses, metres = (
-        closer.graph.poses,
-        [closer.keyframes[s.origin].metres for s in closer.submaps],
-    )
-    new = len(closer.submaps) - 2
-    found = closer.candidates(new)
-    assert len(found) == 2  # the robot has been here twice before
-    for k in found:
-        assert metres[new] - metres[k] >= USUAL.apart_m
-        visit = [j for j in range(new) if abs(metres[j] - metres[k]) < LAP / 2]
-        assert poses[k].distance(poses[new]) == min(poses[j].distance(poses[new]) for j in visit)
-
-
-def test_no_candidates_where_the_graph_knows_it_already() -> None:
-    true, seen = around_the_ring(52)
-    closer = closer_of(true, seen)
-    new = 8
-    (old,) = closer.candidates(new)
-    measured = closer.graph.poses[old].between(closer.graph.poses[new])
-    closer.graph.add(Edge(old, new, measured, TIGHT))
-    assert closer.candidates(new) == {}
-
-
-def test_the_less_is_known_the_farther_is_looked() -> None:
-    # Straight on for 25 m there is nothing near; only who hardly knows where he is looks there.
-    poses = [Pose2D(0.5 * k) for k in range(50)]
-    nothing = Perception(np.empty((0, 2)), np.empty((0, 2)), np.zeros(2))
-    keyframes = trajectory_of(poses, [nothing] * 50).keyframes
-
-    def candidates(covariance: np.ndarray) -> list[int]:
-        vague = [Keyframe(k.scan, k.pose, k.perception, covariance, k.metres) for k in keyframes]
-        closer = LoopCloser(vague, MAP, LoopParameters(most_xy=30.0))
-        new = len(closer.submaps) - 1
-        return list(closer.candidates(new))
-
-    assert candidates(np.diag([0.01**2, 0.01**2, 0.001**2])) == []
-    assert candidates(np.diag([1.0, 1.0, 0.001**2])) == [0]
-
-
 # --- what a match must be
 
 
@@ -212,7 +152,7 @@ VAGUE_AHEAD, VAGUE = np.diag([2.0, 0.03, 0.005]) ** 2, np.diag([2.0, 1.0, 0.005]
 
 
 @pytest.mark.parametrize(
-    ("match", "good"),
+    ("match", "reliable"),
     [
         (GOOD, True),
         (replace(GOOD, score=0.45), False),
@@ -224,20 +164,20 @@ VAGUE_AHEAD, VAGUE = np.diag([2.0, 0.03, 0.005]) ** 2, np.diag([2.0, 1.0, 0.005]
     ],
     ids=["good", "fits badly", "elsewhere", "at the edge", "vague ahead", "vague", "none"],
 )
-def test_only_good_matches_wait(
+def test_only_reliable_matches_wait(
     ring_closer: LoopCloser,
     match: SubmapMatch | None,
-    good: bool,
+    reliable: bool,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(ring_closer.matcher, "match", lambda *asked: match)
     ring_closer.compare(0, 7, ring_closer.graph.shortest_paths(7)[0])
-    assert [(e.from_, e.to, e.measured) for e, _ in ring_closer.pending] == [
+    assert [(e.from_, e.to, e.measured) for e, _ in ring_closer.unconfirmed] == [
         (0, 7, Pose2D(1.0))
-    ] * good
+    ] * reliable
 
 
-# --- agreement
+# --- pairwise consistency
 
 
 def waiting(closer: LoopCloser, *loops: tuple[int, int, Pose2D]) -> None:
@@ -245,7 +185,7 @@ def waiting(closer: LoopCloser, *loops: tuple[int, int, Pose2D]) -> None:
     poses = closer.graph.poses
     for old, new, error in loops:
         measured = poses[old].between(poses[new]).compose(error)
-        closer.offer(Edge(old, new, measured, TIGHT), 0.9)
+        closer.propose(Edge(old, new, measured, TIGHT), 0.9)
 
 
 @pytest.fixture
@@ -254,14 +194,14 @@ def ring_closer() -> LoopCloser:
     return closer_of(true, seen)
 
 
-def test_one_loop_alone_is_not_believed(ring_closer: LoopCloser) -> None:
+def test_one_loop_alone_is_not_accepted(ring_closer: LoopCloser) -> None:
     waiting(ring_closer, (0, 7, Pose2D()))
     assert not ring_closer.accept()
-    assert not ring_closer.closed
-    assert len(ring_closer.pending) == 1
+    assert not ring_closer.accepted
+    assert len(ring_closer.unconfirmed) == 1
 
 
-def test_two_that_agree_are_believed_even_if_the_trajectory_was_wrong(
+def test_two_that_agree_are_accepted_even_where_tracking_was_wrong(
     ring_closer: LoopCloser,
 ) -> None:
     # Both say that the second lap is a metre ahead of where it was tracked.
@@ -269,10 +209,10 @@ def test_two_that_agree_are_believed_even_if_the_trajectory_was_wrong(
     poses = list(ring_closer.graph.poses)
     waiting(ring_closer, (0, 7, ahead))
     moved = poses[7].compose(ahead).compose(poses[7].between(poses[8]))
-    ring_closer.offer(Edge(1, 8, poses[1].between(moved), TIGHT), 0.9)
+    ring_closer.propose(Edge(1, 8, poses[1].between(moved), TIGHT), 0.9)
     assert ring_closer.accept()
-    assert [(e.from_, e.to) for e, _ in ring_closer.closed] == [(0, 7), (1, 8)]
-    assert ring_closer.pending == []
+    assert [(e.from_, e.to) for e, _ in ring_closer.accepted] == [(0, 7), (1, 8)]
+    assert ring_closer.unconfirmed == []
     assert sum(edge.is_loop for edge in ring_closer.graph.edges) == 2
 
 
@@ -280,7 +220,7 @@ def test_two_that_agree_are_believed_even_if_the_trajectory_was_wrong(
 def test_two_that_contradict_each_other_are_not(ring_closer: LoopCloser, error: Pose2D) -> None:
     waiting(ring_closer, (0, 7, Pose2D()), (1, 8, error))
     assert not ring_closer.accept()
-    assert len(ring_closer.pending) == 2
+    assert len(ring_closer.unconfirmed) == 2
 
 
 def test_the_same_submap_twice_is_no_agreement(ring_closer: LoopCloser) -> None:
@@ -293,19 +233,19 @@ def test_a_loop_waits_until_another_agrees(ring_closer: LoopCloser) -> None:
     ring_closer.accept()
     waiting(ring_closer, (1, 8, Pose2D(0.02, 0.02)))
     assert ring_closer.accept()
-    assert [(e.from_, e.to) for e, _ in ring_closer.closed] == [(0, 7), (1, 8)]
+    assert [(e.from_, e.to) for e, _ in ring_closer.accepted] == [(0, 7), (1, 8)]
 
 
 def test_a_loop_far_from_the_newest_ones_is_no_support() -> None:
     true, seen = around_the_ring(2.9 * LAP)
     closer = closer_of(true, seen)
     new = len(closer.submaps) - 1
-    assert closer.metres[new] - closer.metres[7] > USUAL.apart_m + USUAL.submap_m
+    assert closer.metres[new] - closer.metres[7] > APART_M + SUBMAP_M
     waiting(closer, (0, 7, Pose2D()), (1, new, Pose2D()))
     assert not closer.accept()
 
 
-def test_loops_that_tell_nothing_new_wait_for_others(
+def test_loops_that_say_nothing_new_wait_for_others(
     ring_closer: LoopCloser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[bool] = []
@@ -314,32 +254,35 @@ def test_loops_that_tell_nothing_new_wait_for_others(
     )
     waiting(ring_closer, (0, 7, Pose2D()), (1, 8, Pose2D()))
     first = ring_closer.accept()
-    ring_closer.learn(first)
+    ring_closer.update_graph(first)
     assert asked == [True]  # few are known yet, so two are a lot
-    ring_closer.closed += ring_closer.closed * 50
-    ring_closer.learn(first)
+    ring_closer.accepted += ring_closer.accepted * 50
+    ring_closer.update_graph(first)
     assert asked == [True]
     waiting(ring_closer, (2, 9, Pose2D(0.1)))
-    ring_closer.learn(ring_closer.accept())
-    assert asked == [True, False]  # it contradicts, so at once, and doubting loops at first
-    ring_closer.learn([])
+    ring_closer.update_graph(ring_closer.accept())
+    assert asked == [
+        True,
+        False,
+    ]  # it contradicts: at once, from the loosest kernel on
+    ring_closer.update_graph([])
     assert asked == [True, False]
 
 
 # --- pruning
 
 
-def test_a_loop_that_contradicts_the_others_is_let_go(ring_closer: LoopCloser) -> None:
+def test_a_loop_that_contradicts_the_others_is_dropped(ring_closer: LoopCloser) -> None:
     waiting(ring_closer, (0, 7, Pose2D()), (1, 8, Pose2D()), (2, 9, Pose2D()))
     wrong = Pose2D(0.8, 0.8, 0.0)
     assert ring_closer.accept()
     poses = ring_closer.graph.poses
     edge = Edge(0, 8, poses[0].between(poses[8]).compose(wrong), TIGHT)
     ring_closer.graph.add(edge)
-    ring_closer.closed.append((edge, 0.9))
+    ring_closer.accepted.append(ScoredLoop(edge, 0.9))
     ring_closer.graph.optimise()
     ring_closer.prune()
-    assert [(e.from_, e.to) for e, _ in ring_closer.closed] == [(0, 7), (1, 8), (2, 9)]
+    assert [(e.from_, e.to) for e, _ in ring_closer.accepted] == [(0, 7), (1, 8), (2, 9)]
     assert edge not in ring_closer.graph.edges
     true, _ = around_the_ring(52)
     assert worst(ring_closer.graph.poses, origins_of(ring_closer, true)) < 1e-3
@@ -350,4 +293,4 @@ def test_loops_that_agree_stay(ring_closer: LoopCloser) -> None:
     ring_closer.accept()
     ring_closer.graph.optimise()
     ring_closer.prune()
-    assert len(ring_closer.closed) == 3
+    assert len(ring_closer.accepted) == 3

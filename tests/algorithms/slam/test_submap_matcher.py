@@ -11,13 +11,14 @@ from support.looping import MAP, box, laps, ring, see, trajectory_of
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import edges_of
 from mapcli.algorithms.slam.keyframes import Keyframe
-from mapcli.algorithms.slam.submap_matcher import SubmapMatcher, SubmapMatchParameters
+from mapcli.algorithms.slam.loop_candidates import SearchWindow
+from mapcli.algorithms.slam.submap_matcher import SubmapMatcher
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import StandardDeviations
 from mapcli.model.world import World
 
 NOTHING = Perception(np.empty((0, 2)), np.empty((0, 2)), np.zeros(2))
-WINDOW, DEVIATIONS = (1.5, math.radians(12)), StandardDeviations(0.5, math.radians(4))
+WINDOW, DEVIATIONS = SearchWindow(1.5, math.radians(12)), StandardDeviations(0.5, math.radians(4))
 OLD, NEW, ELSEWHERE = 30, 119, 63
 """Keyframes of `round_again`: the second is near the first, a lap later; the third is
 half-way along a side, not at a corner as they are."""
@@ -103,7 +104,7 @@ def test_in_a_bare_corridor_it_says_that_it_does_not_know_how_far_along(heading:
     back = [Pose2D(9.5 - 0.5 * k, 0.2, 3.0) for k in range(20)]
     poses = [frame.compose(pose) for pose in there + back]
     keyframes = trajectory_of(poses, [see(world, pose) for pose in poses]).keyframes
-    old, new, window = 10, 30, (1.0, math.radians(5))
+    old, new, window = 10, 30, SearchWindow(1.0, math.radians(5))
     true = seen_from(keyframes, old, new)
     match = SubmapMatcher(keyframes, MAP).match(
         old, new, true, window, StandardDeviations(0.3, 0.02)
@@ -147,7 +148,7 @@ def test_a_map_has_its_origin_in_the_middle(round_again: list[Keyframe]) -> None
 
 
 def test_few_maps_are_kept(round_again: list[Keyframe]) -> None:
-    matcher = SubmapMatcher(round_again, MAP, SubmapMatchParameters(maps=2))
+    matcher = SubmapMatcher(round_again, MAP, cached_maps=2)
     first = matcher.map_around(10)
     matcher.map_around(20)
     assert matcher.map_around(10) is first  # and so it is the newest
@@ -159,7 +160,9 @@ def test_few_maps_are_kept(round_again: list[Keyframe]) -> None:
 def test_what_is_kept_does_not_change_the_answer(round_again: list[Keyframe]) -> None:
     predicted = seen_from(round_again, OLD, NEW).compose(Pose2D(0.3, 0.2, 0.05))
     used = SubmapMatcher(round_again, MAP)
-    used.match(OLD, ELSEWHERE, Pose2D(4, 4, 1), (6.0, 0.4), DEVIATIONS)  # makes the map grow
+    used.match(
+        OLD, ELSEWHERE, Pose2D(4, 4, 1), SearchWindow(6.0, 0.4), DEVIATIONS
+    )  # makes the map grow
     one = used.match(OLD, NEW, predicted, WINDOW, DEVIATIONS)
     other = SubmapMatcher(round_again, MAP).match(OLD, NEW, predicted, WINDOW, DEVIATIONS)
     assert one is not None
