@@ -21,13 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.model.pose import Pose2D
-from mapcli.model.trace import Information
 
 Covariance = NDArray[np.float64]
 """Shape (3, 3), symmetric, of (x, y, theta): m^2, m rad, rad^2; in the pose's own frame."""
 
 InformationMatrix = NDArray[np.float64]
 """The inverse of a covariance, shape (3, 3); it may be singular: nothing known in a direction."""
+
+InformationTriangle = tuple[float, float, float, float, float, float]
+"""The upper triangle of an information matrix by rows, (xx, xy, xt, yy, yt, tt)."""
 
 PositionCovariance = NDArray[np.float64]
 """Shape (2, 2), symmetric, of (x, y): m^2."""
@@ -77,9 +79,9 @@ def covariance_from_information(
     return inverse
 
 
-def information_from_covariance(covariance: Covariance) -> Information:
+def information_from_covariance(covariance: Covariance) -> InformationTriangle:
     """The inverse of a covariance that is not singular, in the same frame: its upper triangle by
-    rows, as a trace keeps it (xx, xy, xt, yy, yt, tt)."""
+    rows, as a trace keeps it."""
     upper = np.linalg.inv(covariance)[np.triu_indices(3)].tolist()
     xx, xy, xt, yy, yt, tt = (float(value) for value in upper)
     return xx, xy, xt, yy, yt, tt

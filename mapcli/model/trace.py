@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import Literal
 
 from mapcli.model.pose import Pose2D
+from mapcli.model.se2_uncertainty import InformationTriangle
 
 Status = Literal["first", "matched", "odometry"]
 
@@ -32,10 +33,6 @@ class TracedPose:
     status: Status
 
 
-Information = tuple[float, float, float, float, float, float]
-"""The inverse of a covariance of x, y (metres) and theta (radians): its upper triangle by rows."""
-
-
 @dataclass(frozen=True, slots=True)
 class Loop:
     """A loop closure: the pose at index `to` as seen from the one at index `from_`.
@@ -49,7 +46,7 @@ class Loop:
     to: int
     pose: Pose2D
     score: float
-    information: Information | None = None
+    information: InformationTriangle | None = None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.slam._kernels import surfel_map as kernels
-from mapcli.algorithms.slam._kernels.point_to_line_icp import Pose
+from mapcli.algorithms.slam._kernels.gauss_newton import NormalEquations, Pose
 from mapcli.algorithms.slam._kernels.sparse_grid import BORDER, SIDE, SparseGrid, Used
 
 Floats = NDArray[np.float64]
@@ -48,3 +48,14 @@ def moved(points: Floats, pose: Floats | Pose) -> Floats:
     """Points of the robot in the map."""
     c, s = cos(pose[2]), sin(pose[2])
     return points @ np.array([[c, s], [-s, c]]) + pose[:2]
+
+
+def pose_of(pose: Floats) -> Pose:
+    x, y, theta = pose.tolist()
+    return Pose(x, y, theta)
+
+
+def full_of(system: NormalEquations) -> tuple[Floats, Floats]:
+    """Normal matrix and gradient."""
+    xx, xy, xt, yy, yt, tt, *gradient = system
+    return np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]), np.array(gradient)

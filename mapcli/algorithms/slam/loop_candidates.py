@@ -1,8 +1,9 @@
 """Candidates for a loop: old submaps where the robot may be again, and how wide to search there.
 
 How far off the pose graph may have a submap is the covariance along the shortest path through the
-graph. It is not the marginal covariance of the optimum, which all edges together make smaller; it
-errs on the safe side, and needs no factorisation of the whole graph for each new submap.
+graph. The marginal covariance of the optimum (`gtsam.Marginals`) takes all edges into account, but
+gives other deviations (0.6 to 12 times as large on the logs of the benchmarks), and takes 3 ms
+for each new submap instead of 0.2.
 """
 
 from __future__ import annotations

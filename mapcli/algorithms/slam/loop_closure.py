@@ -140,7 +140,7 @@ class LoopCloser:
             self.update_graph(self.accept())
             progress(new)
         if self._pending_factors:
-            self.graph.optimise(is_settled=True)
+            self.graph.optimise(is_near_optimum=True)
         self.prune()
         loops, scores = [one.edge for one in self.accepted], [one.score for one in self.accepted]
         return LoopClosureResult(self.submaps, self.graph.poses, loops, scores)
@@ -226,7 +226,7 @@ class LoopCloser:
         self._pending_factors += len(accepted)
         contradicts = max(edge.error(self.graph.poses) for edge in accepted) >= OPTIMISE_GATE
         if contradicts or self._pending_factors >= PENDING_SHARE * len(self.accepted):
-            self.graph.optimise(is_settled=not contradicts)
+            self.graph.optimise(is_near_optimum=not contradicts)
             self._pending_factors = 0
 
     def prune(self) -> None:

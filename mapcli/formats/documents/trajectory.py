@@ -24,11 +24,12 @@ import numpy as np
 
 from mapcli.errors import DataError, FormatError
 from mapcli.model.pose import Pose2D
-from mapcli.model.trace import Information, PoseTrace
+from mapcli.model.se2_uncertainty import InformationTriangle
+from mapcli.model.trace import PoseTrace
 from mapcli.model.trajectory import Trajectory
 
 CSV_HEAD = "stamp_ns,x,y,theta,odom_x,odom_y,odom_theta,score,status"
-STEP_INFORMATION: Information = (10_000, 0, 0, 10_000, 0, 40_000)
+STEP_INFORMATION: InformationTriangle = (10_000, 0, 0, 10_000, 0, 40_000)
 """Of an edge of which nothing is known: 1 cm and 0.3 degrees of standard deviation."""
 
 
@@ -73,7 +74,7 @@ def _g2o(trace: PoseTrace) -> Iterator[str]:
         yield _edge(loop.from_, loop.to, loop.pose, loop.information or STEP_INFORMATION)
 
 
-def _edge(start: int, end: int, motion: Pose2D, information: Information) -> str:
+def _edge(start: int, end: int, motion: Pose2D, information: InformationTriangle) -> str:
     weights = " ".join(f"{value:.10g}" for value in information)
     return f"EDGE_SE2 {start} {end} {_numbers(motion)} {weights}"
 

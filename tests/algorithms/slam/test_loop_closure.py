@@ -250,7 +250,7 @@ def test_loops_that_say_nothing_new_wait_for_others(
 ) -> None:
     asked: list[bool] = []
     monkeypatch.setattr(
-        ring_closer.graph, "optimise", lambda *, is_settled: asked.append(is_settled)
+        ring_closer.graph, "optimise", lambda *, is_near_optimum: asked.append(is_near_optimum)
     )
     waiting(ring_closer, (0, 7, Pose2D()), (1, 8, Pose2D()))
     first = ring_closer.accept()

@@ -9,12 +9,13 @@ import pytest
 
 from mapcli.formats.documents.trajectory import STEP_INFORMATION, dump_trajectory
 from mapcli.model.pose import Pose2D
-from mapcli.model.trace import Information, Loop, PoseTrace, TracedPose
+from mapcli.model.se2_uncertainty import InformationTriangle
+from mapcli.model.trace import Loop, PoseTrace, TracedPose
 
 gtsam = pytest.importorskip("gtsam")
 
 POSES = [Pose2D(), Pose2D(1, 0.25, 1.5), Pose2D(1, 2, 3), Pose2D(-0.125, 0.25, -1.5)]
-CERTAIN: Information = (400.0, 12.5, -3.0, 900.0, 8.0, 10_000.0)
+CERTAIN: InformationTriangle = (400.0, 12.5, -3.0, 900.0, 8.0, 10_000.0)
 STEPS = (Pose2D(1.01, 0.25, 1.5), Pose2D(1.75, 0, 1.5), Pose2D(1, 1.75, 1.75))
 TRACE = PoseTrace(
     tuple(TracedPose(k, pose, None, None, "matched") for k, pose in enumerate(POSES)),

@@ -1,16 +1,8 @@
-"""Point-to-line ICP: fitting a scan's pose to surfels (Censi 2008), by Gauss-Newton.
+"""Point-to-line ICP: fitting a scan's pose to surfels (Censi 2008).
 
 Each round finds the surfel of every point (the correspondences), then takes a few Gauss-Newton
-steps with these. What is brought down is, over the points p that have a surfel,
-
-    sum of  rho(e_p^T I_p e_p)  +  the same for the prediction,
-
-    e_p = m_p - (t + R(theta) p)     the residual, from the point in the map to the surfel's mean
-    I_p                              the surfel's information: large across its line, 0 along it
-    rho(q) = s^2 q / (s^2 + q)       Geman-McClure's robust kernel of scale s
-
-With I_p of rank one, e_p^T I_p e_p is the squared distance from the point to the line, over its
-variance. Poses (x, y, theta) are those of the robot in the map; metres and radians.
+steps with these (see `gauss_newton`). Poses (x, y, theta) are those of the robot in the map; metres
+and radians.
 """
 
 from __future__ import annotations
@@ -22,71 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.compiling import kernel
-from mapcli.algorithms.slam._kernels.surfel_map import (
-    INFORMATION_XX,
-    INFORMATION_XY,
-    INFORMATION_YY,
-    SURFEL_X,
-    SURFEL_Y,
-    SurfelTable,
-    nearest_surfel,
+from mapcli.algorithms.slam._kernels.gauss_newton import (
+    SQUARED_SCALE,
+    NormalEquations,
+    Pose,
+    Prediction,
+    gauss_newton,
+    is_still,
 )
+from mapcli.algorithms.slam._kernels.surfel_map import SurfelTable, nearest_surfel
 
-STILL, STILL_TURN = 5e-4, 1e-4
-"""Metres and radians; a pose that moves less has the same correspondences as before."""
-STEPS, LAST_STEP = 3, 0.2
-"""Gauss-Newton steps in a round at most; the last one moves this share of the above."""
 ROUNDS = 2
 """How often at most correspondences are searched: the second time few of them change."""
-LEAST_INFORMATION = 1e-9
-"""What is known anyway, so that every system can be solved."""
-SQUARED_SCALE = 3.0 * 3.0
-"""Of the robust kernel of points, s^2: at three standard deviations a point's weight is a
-quarter."""
-
-
-class Pose(NamedTuple):
-    """Of the robot in the map: metres, radians (not wrapped)."""
-
-    x: float
-    y: float
-    theta: float
-
-
-class NormalEquations(NamedTuple):
-    """J^T W J d = J^T W e for a small change d = (x, y, theta) of the pose, in the map's axes.
-
-    Attributes:
-        xx, xy, xt, yy, yt, tt: upper triangle of the symmetric matrix J^T W J, by rows: the
-            information of the scan on its pose.
-        gx, gy, gt: the right side J^T W e, minus half the gradient of the robust cost.
-    """
-
-    xx: float
-    xy: float
-    xt: float
-    yy: float
-    yt: float
-    tt: float
-    gx: float
-    gy: float
-    gt: float
-
-
-class Prediction(NamedTuple):
-    """Where a pose is expected, as odometry has it.
-
-    Attributes:
-        pose: theta on the same turn of the circle as that of the pose that is fitted.
-        information_xy, information_theta: m^-2 and rad^-2; 0 if nothing is expected.
-        squared_scale: of the robust kernel on its squared deviations: a prediction that the scan
-            contradicts by far has little weight.
-    """
-
-    pose: Pose
-    information_xy: float
-    information_theta: float
-    squared_scale: float
 
 
 class Fit(NamedTuple):
@@ -194,139 +133,3 @@ def associate(
         correspondences[p] = at
         matched += at > 0
     return matched
-
-
-@kernel
-def gauss_newton(
-    surfels: NDArray[np.float64],
-    points: NDArray[np.float64],
-    correspondences: NDArray[np.int64],
-    pose: Pose,
-    prediction: Prediction,
-) -> tuple[Pose, NormalEquations]:
-    """The pose at which points fit the surfels that they belong to, and the last normal equations
-    on the way there, from the points alone."""
-    for _ in range(STEPS):
-        equations = linearise(surfels, points, correspondences, pose)
-        before = pose
-        pose = solve_step(pose, with_prediction(equations, pose, prediction))
-        if is_still(before, pose, LAST_STEP):
-            break
-    return pose, equations
-
-
-@kernel
-def is_still(before: Pose, after: Pose, share: float) -> bool:
-    """Whether a pose has moved less than a share of STILL and STILL_TURN."""
-    off = abs(after.x - before.x) + abs(after.y - before.y)
-    return off < share * STILL and abs(after.theta - before.theta) < share * STILL_TURN
-
-
-@kernel
-def linearise(
-    surfels: NDArray[np.float64],
-    points: NDArray[np.float64],
-    correspondences: NDArray[np.int64],
-    pose: Pose,
-) -> NormalEquations:
-    """The normal equations of the points that have a surfel, at a pose.
-
-    A point p of the robot is at t + r in the map, where r = R(theta) p = (rx, ry). A change of the
-    pose by (dx, dy, dtheta) moves it by J (dx, dy, dtheta)^T, with
-
-        J = [1  0  -ry]
-            [0  1   rx]
-
-    since a turn moves r to its left. With W the surfel's information times the robust weight, and
-    e = m - (t + r) the residual,
-
-        J^T W J = [ Wxx   Wxy   tx           ]      J^T W e = [ gx            ]
-                  [ Wxy   Wyy   ty           ]                [ gy            ]
-                  [ tx    ty    rx ty - ry tx]                [ rx gy - ry gx ]
-
-    where (tx, ty) = W (-ry, rx)^T and (gx, gy) = W e. Both are summed over the points.
-    """
-    x, y, theta = pose
-    c, s = cos(theta), sin(theta)
-    n_xx = n_xy = n_xt = n_yy = n_yt = n_tt = g_x = g_y = g_t = 0.0
-    for p in range(len(points)):
-        at = correspondences[p]
-        if at == 0:
-            continue
-        px, py = points[p, 0], points[p, 1]
-        rx, ry = c * px - s * py, s * px + c * py
-        ex, ey = surfels[at, SURFEL_X] - x - rx, surfels[at, SURFEL_Y] - y - ry
-        xx, xy, yy = weighted_information(surfels, at, ex, ey)
-        tx, ty = xy * rx - xx * ry, yy * rx - xy * ry
-        gx, gy = xx * ex + xy * ey, xy * ex + yy * ey
-        n_xx += xx
-        n_xy += xy
-        n_yy += yy
-        n_xt += tx
-        n_yt += ty
-        n_tt += rx * ty - ry * tx
-        g_x += gx
-        g_y += gy
-        g_t += rx * gy - ry * gx
-    return NormalEquations(n_xx, n_xy, n_xt, n_yy, n_yt, n_tt, g_x, g_y, g_t)
-
-
-@kernel
-def weighted_information(
-    surfels: NDArray[np.float64], at: int, ex: float, ey: float
-) -> tuple[float, float, float]:
-    """W = (xx, xy, yy): a surfel's information times the robust weight of a residual (ex, ey)."""
-    xx, xy, yy = (
-        surfels[at, INFORMATION_XX],
-        surfels[at, INFORMATION_XY],
-        surfels[at, INFORMATION_YY],
-    )
-    square = xx * ex * ex + 2 * xy * ex * ey + yy * ey * ey
-    root = root_of_weight(square, SQUARED_SCALE)
-    weight = root * root
-    return weight * xx, weight * xy, weight * yy
-
-
-@kernel
-def root_of_weight(square: float, squared_scale: float) -> float:
-    """The root of the robust weight of Geman and McClure, (s^2 / (s^2 + q))^2, of a squared
-    deviation q: 1 for none, a quarter where q = s^2."""
-    return squared_scale / (squared_scale + square)
-
-
-@kernel
-def with_prediction(
-    equations: NormalEquations, pose: Pose, prediction: Prediction
-) -> NormalEquations:
-    """Add the pull of the prediction, position and heading each with a robust weight of its own.
-
-    Its residual is predicted - pose and its Jacobian the identity.
-    """
-    n, expected = equations, prediction.pose
-    x, y, turn = expected.x - pose.x, expected.y - pose.y, expected.theta - pose.theta
-    per_metre, per_radian = prediction.information_xy, prediction.information_theta
-    root_xy = root_of_weight(per_metre * (x * x + y * y), prediction.squared_scale)
-    root_turn = root_of_weight(per_radian * turn * turn, prediction.squared_scale)
-    xy, theta = per_metre * root_xy * root_xy, per_radian * root_turn * root_turn
-    return NormalEquations(
-        n.xx + xy, n.xy, n.xt, n.yy + xy, n.yt, n.tt + theta,
-        n.gx + xy * x, n.gy + xy * y, n.gt + theta * turn,
-    )  # fmt: skip
-
-
-@kernel
-def solve_step(pose: Pose, equations: NormalEquations) -> Pose:
-    """A pose after one Gauss-Newton step: the solution of the normal equations, by
-    Cramer's rule."""
-    a00, a01, a02, a11, a12, a22, x, y, z = equations
-    a00 += LEAST_INFORMATION
-    a11 += LEAST_INFORMATION
-    a22 += LEAST_INFORMATION
-    c00, c01, c02 = a11 * a22 - a12 * a12, a02 * a12 - a01 * a22, a01 * a12 - a02 * a11
-    c11, c12, c22 = a00 * a22 - a02 * a02, a01 * a02 - a00 * a12, a00 * a11 - a01 * a01
-    determinant = a00 * c00 + a01 * c01 + a02 * c02
-    return Pose(
-        pose.x + (c00 * x + c01 * y + c02 * z) / determinant,
-        pose.y + (c01 * x + c11 * y + c12 * z) / determinant,
-        pose.theta + (c02 * x + c12 * y + c22 * z) / determinant,
-    )
