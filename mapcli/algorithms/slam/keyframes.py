@@ -25,11 +25,11 @@ from mapcli.model.se2_uncertainty import (
 )
 
 TRACKING = StandardDeviations(0.015, math.radians(0.15))
-"""Of a tracked pose after a metre, or after a turn of a radian, at best: what scan matching drifts
-by in practice, far more than the information of its fits promises."""
+"""Of a tracked pose after a metre, or after a turn of a radian, at best: errors of one fit are
+those of the next, so that tracking drifts by more than the information of single fits says."""
 
 SHORTEST_STEP = 0.01
-"""Metres (or radians) of motion that a step counts at least in this."""
+"""Metres (plus radians) that a step counts at least in this, so that no covariance is singular."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -202,19 +202,19 @@ class LoopCloser:
             yield from self._loops_to[k]
 
     def _are_consistent(self, one: Edge, other: Edge) -> bool:
-        """Whether two loops say the same: from the one's `to` by the one to its old submap, along
-        the old trajectory to the other's, and by the other to its `to`, one must come to where
-        the new trajectory leads as well."""
+        """Whether two loops say the same, going round the cycle that they make: back by the one,
+        along the old trajectory, and by the other one again to the new trajectory must lead where
+        the new trajectory leads by itself."""
         new = abs(self.metres[one.to] - self.metres[other.to])
         old = abs(self.metres[one.from_] - self.metres[other.from_])
         if old > 2 * APART_M:
             return False
         before = self._tracked(one.from_).between(self._tracked(other.from_))
-        round_ = one.measured.inverse().compose(before).compose(other.measured)
-        off = self._tracked(one.to).between(self._tracked(other.to)).between(round_)
-        far = math.hypot(off.x, off.y) <= CONSISTENT_M + CONSISTENT_M_PER_M * (new + old)
+        around = one.measured.inverse().compose(before).compose(other.measured)
+        error = self._tracked(one.to).between(self._tracked(other.to)).between(around)
+        is_near = math.hypot(error.x, error.y) <= CONSISTENT_M + CONSISTENT_M_PER_M * (new + old)
         turn = math.radians(CONSISTENT_DEG + CONSISTENT_DEG_PER_M * (new + old))
-        return far and abs(off.theta) <= turn
+        return is_near and abs(error.theta) <= turn
 
     def _tracked(self, submap: int) -> Pose2D:
         return self.keyframes[self.submaps[submap].origin].pose

@@ -106,19 +106,19 @@ class PoseGraph:
         self.poses = list(poses)
         self._positions: NDArray[np.float64] | None = None
         self.edges: list[Edge] = []
-        self._at: list[list[Edge]] = [[] for _ in poses]
+        self._edges_at: list[list[Edge]] = [[] for _ in poses]
         self._factors: dict[float, Any] = {}  # GTSAM's graph for each kernel scale, as far as built
 
     def add(self, edge: Edge) -> None:
         self.edges.append(edge)
-        self._at[edge.from_].append(edge)
-        self._at[edge.to].append(edge)
+        self._edges_at[edge.from_].append(edge)
+        self._edges_at[edge.to].append(edge)
 
     def remove(self, edge: Edge) -> None:
         self.edges.remove(edge)
         self._factors.clear()
-        self._at[edge.from_].remove(edge)
-        self._at[edge.to].remove(edge)
+        self._edges_at[edge.from_].remove(edge)
+        self._edges_at[edge.to].remove(edge)
 
     def positions(self) -> NDArray[np.float64]:
         """(x, y) of the poses, shape (n, 2)."""
@@ -145,7 +145,7 @@ class PoseGraph:
                 continue
             paths[node] = path
             missing.discard(node)
-            for edge in self._at[node]:
+            for edge in self._edges_at[node]:
                 backwards = edge.to == node
                 other = edge.from_ if backwards else edge.to
                 if other not in paths:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam._kernels import branch_and_bound as kernels
-from mapcli.algorithms.slam._kernels.window_scores import fits
+from mapcli.algorithms.slam._kernels.window_scores import score_shifts
 from mapcli.algorithms.slam.agreement import FULL_SCORE, agreement
 from mapcli.algorithms.slam.keyframes import Keyframe
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
@@ -68,7 +68,7 @@ EDGE = 2
 """Cells, or steps of the turn, from the edge of a window at which a better fit may lie outside."""
 
 CACHED_MAPS = 8
-"""Maps kept for the next comparison: as many as there are candidates for two submaps."""
+"""Maps kept for the next comparison: enough for the candidates of two submaps."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -223,7 +223,9 @@ class SubmapMatcher:
             math.ceil((c - reach) / SCORE_STRIDE) * SCORE_STRIDE for c in centre.tolist()
         )
         sums = np.empty((count, count), np.int64)
-        fits(grid.fields[1].reshape(-1), places, columns, (low_u, low_v), SCORE_STRIDE, sums)
+        score_shifts(
+            grid.fields[1].reshape(-1), places, columns, (low_u, low_v), SCORE_STRIDE, sums
+        )
         share = (sums - sums.max()) / (FULL_SCORE * len(cells) * SCORE_SCALE)
         weights = np.exp(share)
         steps = np.arange(count) * SCORE_STRIDE

@@ -37,8 +37,8 @@ MOST_TILES = 1 << 22
 """16 MB of directory: what 1 km x 1 km at 3 cm would take."""
 
 THICKNESS = 0.015
-"""Metres: how well a point tells where a wall is, at best. Lasers err by one to two centimetres
-(and see skirting boards and frames beside the wall)."""
+"""Metres: how well a point tells where a wall is, at best. It is what lasers err by, and
+keeps the information of few points on a line finite."""
 
 INDEPENDENT_SHARE = 0.3
 """Of a scan's points, those that count as evidence of their own: errors of neighbouring beams are

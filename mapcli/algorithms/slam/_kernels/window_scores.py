@@ -1,4 +1,4 @@
-"""How well a scan fits everywhere in a window, for those who must know what else would fit."""
+"""Scores of points at every position of a window: how ambiguous a match is."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mapcli.algorithms.slam._kernels.branch_and_bound import total
 
 
 @kernel
-def fits(
+def score_shifts(
     field: NDArray[np.uint8],
     places: NDArray[np.int64],
     columns: int,
@@ -18,7 +18,7 @@ def fits(
     stride: int,
     sums: NDArray[np.int64],
 ) -> None:
-    """Sums of a field at points that are shifted to every `stride`-th cell of a square.
+    """Sums of a likelihood field at points that are shifted to every `stride`-th cell of a square.
 
     Args:
         field: the flattened array; places: indices of the points in it, before the shift.
