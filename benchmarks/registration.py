@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 from mapcli.algorithms.maps.registration import register
-from mapcli.algorithms.maps.transform import bake, crop_to_box, move
+from mapcli.algorithms.maps.transform import bake_yaw, crop_to_box, move
 from mapcli.formats.maps.load import load_map
 from mapcli.model.pose import Pose2D
 
@@ -36,7 +36,7 @@ def main() -> None:
         right = crop_to_box(grid, MIDDLE - overlap / 2, -99, 99, 99)
         for motion in MOTIONS:
             start = time.perf_counter()
-            found = register(left, bake(move(right, motion.inverse())[0]))
+            found = register(left, bake_yaw(move(right, motion.inverse())[0]))
             error = motion.between(found.motion)
             metres, degrees = math.hypot(error.x, error.y), abs(math.degrees(error.theta))
             seconds = time.perf_counter() - start

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.evaluation.relations import compare_relations
+from mapcli.algorithms.evaluation.relations import evaluate_relations
 from mapcli.algorithms.evaluation.trajectory_error import EvaluateParameters, compare
 from mapcli.commands._evaluate_report import described
 from mapcli.commands._log_options import LogInput, say_notes
@@ -90,7 +90,7 @@ class EvaluateRun:
         ).hexdigest()
         self.against = f"{reference}: {counted(len(relations), 'relations')}"
         odometry = None if self.files.odometry is None else self._odometry(self.files.odometry)
-        return compare_relations(trace, relations, odometry)
+        return evaluate_relations(trace, relations, odometry)
 
     def _self_check(self, trace: Trajectory, name: str) -> Evaluation:
         from mapcli.algorithms.evaluation.self_check import self_check

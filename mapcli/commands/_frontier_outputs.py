@@ -162,9 +162,9 @@ def curve_content(file: str, runs: Runs) -> bytes:
     """Coverage over distance of all runs."""
     curves = {str(run.strategy): coverage_curve(made) for run, made in runs.items()}
     if Path(file).suffix.lower() == ".png":
-        from mapcli.pictures.exploration_plot import draw_curve
+        from mapcli.pictures.coverage_plot import coverage_plot
 
-        return draw_curve(curves)
+        return coverage_plot(curves)
     from mapcli.formats.documents.exploration_curve import write_curve_csv
 
     return write_curve_csv(curves)

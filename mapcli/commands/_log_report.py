@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from typing import Any
 
-from mapcli.algorithms.evaluation.log_check import CheckUp, Rhythm, check_log
+from mapcli.algorithms.evaluation.log_check import LogCheck, Timing, check_log
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.documents.document import document
 from mapcli.formats.logs.open_log import Log, open_log
@@ -95,21 +95,21 @@ def _topic(topic: Topic) -> dict[str, Any]:
     }
 
 
-def _rhythm(rhythm: Rhythm) -> dict[str, Any]:
+def _timing(timing: Timing) -> dict[str, Any]:
     return {
-        "count": rhythm.count,
-        "period_s": round(rhythm.period_s, 6),
-        "gaps": rhythm.gaps,
-        "longest_gap_s": round(rhythm.longest_gap_s, 6),
-        "longest_gap_at_s": round(rhythm.longest_gap_at_s, 6),
-        "same_stamps": rhythm.same_stamps,
+        "count": timing.count,
+        "period_s": round(timing.period_s, 6),
+        "gaps": timing.gaps,
+        "longest_gap_s": round(timing.longest_gap_s, 6),
+        "longest_gap_at_s": round(timing.longest_gap_at_s, 6),
+        "same_stamps": timing.same_stamps,
     }
 
 
-def _scans(log: Log, check: CheckUp) -> dict[str, Any]:
+def _scans(log: Log, check: LogCheck) -> dict[str, Any]:
     beams = log.beams
     return {
-        **_rhythm(check.scans),
+        **_timing(check.scans),
         "beams": list(check.beams),
         "bearings_deg": [round(math.degrees(bearing), 4) for bearing in check.bearings],
         "range_min": check.range_limits[0],
@@ -122,9 +122,9 @@ def _scans(log: Log, check: CheckUp) -> dict[str, Any]:
     }
 
 
-def _odometry(check: CheckUp) -> dict[str, Any]:
+def _odometry(check: LogCheck) -> dict[str, Any]:
     return {
-        **_rhythm(check.odometry),
+        **_timing(check.odometry),
         "distance_m": round(check.distance_m, 3),
         "turned_deg": round(math.degrees(check.turned_rad), 1),
         "jumps": check.jumps,
@@ -132,13 +132,13 @@ def _odometry(check: CheckUp) -> dict[str, Any]:
     }
 
 
-def _warnings(log: Log, check: CheckUp) -> Iterator[str]:
+def _warnings(log: Log, check: LogCheck) -> Iterator[str]:
     """What is odd about a log that can be read."""
-    for name, rhythm in (("scans", check.scans), ("odometry", check.odometry)):
-        if rhythm.gaps:
+    for name, timing in (("scans", check.scans), ("odometry", check.odometry)):
+        if timing.gaps:
             yield (
-                f"{counted(rhythm.gaps, f'gaps in the {name}')}, the longest of "
-                f"{rhythm.longest_gap_s:.1f} s at {rhythm.longest_gap_at_s:.1f} s"
+                f"{counted(timing.gaps, f'gaps in the {name}')}, the longest of "
+                f"{timing.longest_gap_s:.1f} s at {timing.longest_gap_at_s:.1f} s"
             )
     if log.disordered:
         yield f"{counted(log.disordered, 'records out of order')}, put in order by their stamps"
@@ -150,7 +150,7 @@ def _warnings(log: Log, check: CheckUp) -> Iterator[str]:
     yield from _odometry_warnings(check)
 
 
-def _clock_warnings(log: Log, check: CheckUp) -> Iterator[str]:
+def _clock_warnings(log: Log, check: LogCheck) -> Iterator[str]:
     if check.scans_outside_odometry:
         yield counted(
             check.scans_outside_odometry, "scans before the first or after the last odometry"
@@ -163,7 +163,7 @@ def _clock_warnings(log: Log, check: CheckUp) -> Iterator[str]:
         )
 
 
-def _odometry_warnings(check: CheckUp) -> Iterator[str]:
+def _odometry_warnings(check: LogCheck) -> Iterator[str]:
     if check.jumps:
         jumps = counted(check.jumps, "jumps of the odometry")
         yield f"{jumps}, the first at {check.first_jump_at_s:.1f} s"

@@ -132,9 +132,9 @@ def _crop(result: Result, box: Any, dialect: Dialect) -> Result:
 
 
 def _bake_yaw(result: Result, value: bool, dialect: Dialect) -> Result:
-    from mapcli.algorithms.maps.transform import bake
+    from mapcli.algorithms.maps.transform import bake_yaw
 
-    return replace(result, grid=bake(result.grid))
+    return replace(result, grid=bake_yaw(result.grid))
 
 
 def _resample(result: Result, resolution: float, dialect: Dialect) -> Result:
@@ -162,20 +162,20 @@ def _shift(result: Result, by: tuple[float, float], dialect: Dialect) -> Result:
 
 
 def _origin(result: Result, origin: Pose2D, dialect: Dialect) -> Result:
-    from mapcli.algorithms.maps.transform import place
+    from mapcli.algorithms.maps.transform import set_origin
 
-    return result.moved(place(result.grid, origin))
+    return result.moved(set_origin(result.grid, origin))
 
 
 def _align(result: Result, value: bool, dialect: Dialect) -> Result:
-    from mapcli.algorithms.maps.transform import bake, move
+    from mapcli.algorithms.maps.transform import bake_yaw, move
     from mapcli.algorithms.maps.wall_direction import wall_direction
 
     angle = wall_direction(result.grid)
     grid, motion = move(result.grid, Pose2D(0, 0, -angle))
     degrees = round(math.degrees(angle), 3) + 0.0
     text = f"walls at {degrees:g} deg, now at 0"
-    return result.moved((bake(grid), motion)).noted("align", text, walls_deg=degrees)
+    return result.moved((bake_yaw(grid), motion)).noted("align", text, walls_deg=degrees)
 
 
 def _merge(result: Result, value: tuple[str, Pose2D | str | None], dialect: Dialect) -> Result:

@@ -14,7 +14,7 @@ from mapcli.formats.documents.document import document
 from mapcli.formats.maps.dialects import Dialect
 from mapcli.formats.maps.load import LoadedMap, load_map, read_file
 
-OCCUPIED_FROM = 0.5
+OCCUPIED_THRESHOLD = 0.5
 """Cells from this probability on count as occupied, as in `--low` of the other commands."""
 
 
@@ -33,7 +33,7 @@ def map_report(file: str, dialect: Dialect, at: Points = ()) -> tuple[str, dict[
     lines = [f"{file}: map, {loaded.format}", *_lines(content), *map(cell_line, queries)]
     text = "\n".join(lines)
     content |= {"at": queries} if at else {}
-    parameters = {"dialect": dialect, "occupied_from": OCCUPIED_FROM}
+    parameters = {"dialect": dialect, "occupied_from": OCCUPIED_THRESHOLD}
     return text, document("mapcli.map-info", digests, parameters, content)
 
 
@@ -41,7 +41,7 @@ def describe(loaded: LoadedMap) -> dict[str, Any]:
     """The facts about a map, ready for JSON."""
     grid, rule = loaded.grid, loaded.rule
     unknown = grid.count(np.isnan)
-    occupied = grid.count(lambda cells: cells >= OCCUPIED_FROM)
+    occupied = grid.count(lambda cells: cells >= OCCUPIED_THRESHOLD)
     graded = grid.count(lambda cells: (cells > 0) & (cells < 1))
     image = None if rule is None else {
         "mode": rule.mode, "negate": rule.negate,

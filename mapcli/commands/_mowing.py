@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mapcli.algorithms.simulation.sensors import OdometryModel
+from mapcli.algorithms.simulation.sensors import WheelModel
 from mapcli.commands._options import FILE, POSITIVE, Command
 from mapcli.commands._output import check_outputs, output_file, progress, write_bytes
 from mapcli.errors import DataError
@@ -45,7 +45,7 @@ def mow_options(command: Command) -> Command:
 
 
 def mow_lawn(
-    world: str, out: str | None, wheels: OdometryModel, given: dict[str, Any], *, quiet: bool
+    world: str, out: str | None, wheels: WheelModel, given: dict[str, Any], *, quiet: bool
 ) -> None:
     """Mow, write what was asked for, report.
 
@@ -104,7 +104,7 @@ def _mow_all(plan: MowingPlan, mower: Any, given: dict[str, Any], *, quiet: bool
 
 
 def _write(
-    plan: MowingPlan, mowings: list[Mowing], out: str | None, wheels: OdometryModel,
+    plan: MowingPlan, mowings: list[Mowing], out: str | None, wheels: WheelModel,
     given: dict[str, Any], digest: dict[str, str],
 ) -> None:  # fmt: skip
     no_clobber = given["no_clobber"]
@@ -139,7 +139,7 @@ def report_lines(plan: MowingPlan, mowings: list[Mowing]) -> list[str]:
     alone, *marked = mowings
     rows = [
         ("lawn", f"{x1 - x0:g} m x {y1 - y0:g} m, {plan.lanes} lanes of {plan.width:g} m"),
-        ("runs", f"{len(alone.misses)} of {plan.distance:,.0f} m each"),
+        ("runs", f"{len(alone.end_errors)} of {plan.distance:,.0f} m each"),
         ("odometry", "by odometry alone"),
         *_ending(alone, plan.width),
     ]
@@ -154,8 +154,8 @@ def report_lines(plan: MowingPlan, mowings: list[Mowing]) -> list[str]:
 def _ending(mowing: Mowing, width: float) -> list[tuple[str, str]]:
     import numpy as np
 
-    ways, (x, y) = mowing.distances, mowing.mean_miss
-    share = mowing.common_share
+    ways, (x, y) = mowing.distances, mowing.mean_error
+    share = mowing.systematic_share
     verdict = "the same in every run" if share > 0.5 else "another one in every run"
     back = int((ways <= width).sum())
     return [
@@ -163,7 +163,7 @@ def _ending(mowing: Mowing, width: float) -> list[tuple[str, str]]:
         ("station", f"ends {ways.mean():.2f} m from it on average, {ways.max():.2f} m at worst; "
                     f"95 % of the runs within {np.percentile(ways, 95):.2f} m"),
         ("error", f"mostly {verdict}: common to all ({x:+.2f}, {y:+.2f}) m, "
-                  f"{share:.0%} of the mean square; spread {mowing.spread:.2f} m"),
+                  f"{share:.0%} of the mean square; spread {mowing.scatter:.2f} m"),
         ("mown", f"{mowing.mown.mean():.1%} of the lawn on average"),
     ]  # fmt: skip
 

@@ -169,14 +169,14 @@ def _map(
     source: str, target: str, png: str | None, tolerance: float | None, dialect: Any,
     no_clobber: bool, quiet: bool,
 ) -> list[tuple[str, str]]:  # fmt: skip
-    from mapcli.algorithms.maps.rectify_map import CELLS_OFF, rectify_map
+    from mapcli.algorithms.maps.rectify_map import TOLERANCE_CELLS, rectify_map
     from mapcli.formats.maps.load import load_map
 
     loaded = load_map(source, dialect=dialect)
     for warning in () if quiet else loaded.warnings:
         click.echo(f"Warning: {source}: {warning}", err=True)
     grid = loaded.grid
-    limit = CELLS_OFF * grid.resolution if tolerance is None else tolerance
+    limit = TOLERANCE_CELLS * grid.resolution if tolerance is None else tolerance
     result = rectify_map(grid, limit)
     files = dump_map(result.grid, target, SaveOptions(format="txt" if target == "-" else None))
     write_beside(target, files, no_clobber=no_clobber)

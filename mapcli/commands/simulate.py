@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from mapcli.algorithms.simulation.drive import MotionLimits, plan_drive
-from mapcli.algorithms.simulation.sensors import FAULT_KINDS, Fault, LaserModel, OdometryModel
+from mapcli.algorithms.simulation.sensors import FAULT_KINDS, Fault, LaserModel, WheelModel
 from mapcli.algorithms.simulation.simulate import ROBOT_RADIUS, Simulation, check_clearance
 from mapcli.commands._mowing import mow_lawn, mow_options
 from mapcli.commands._options import (
@@ -26,7 +26,7 @@ from mapcli.commands._output import output_file, progress
 from mapcli.errors import DataError
 from mapcli.model.scan import Mount
 
-LIMITS, WHEELS, LASER = MotionLimits(), OdometryModel(), LaserModel()
+LIMITS, WHEELS, LASER = MotionLimits(), WheelModel(), LaserModel()
 
 
 class FaultType(click.ParamType[Any]):
@@ -159,7 +159,7 @@ def _check_usage(
         raise click.UsageError("WORLD and --path cannot both be standard input.")
 
 
-def _models(given: dict[str, Any]) -> tuple[MotionLimits, OdometryModel, LaserModel]:
+def _models(given: dict[str, Any]) -> tuple[MotionLimits, WheelModel, LaserModel]:
     limits = MotionLimits(
         speed=given["speed"],
         acceleration=given["acceleration"],
@@ -167,7 +167,7 @@ def _models(given: dict[str, Any]) -> tuple[MotionLimits, OdometryModel, LaserMo
         turn_acceleration_deg=given["turn_acceleration_deg"],
         corner_cut=given["corner_cut"],
     )
-    wheels = OdometryModel(
+    wheels = WheelModel(
         rate=given["odom_rate"],
         noise=given["odom_noise"],
         scale=given["odom_scale"],

@@ -47,7 +47,7 @@ def command(
       mapcli vectorize map.yaml walls.yaml --tolerance 0.05
       mapcli vectorize fig9_1.txt - --y-down
     """
-    from mapcli.algorithms.maps.vectorize import CELLS_OFF, vectorize
+    from mapcli.algorithms.maps.vectorize import TOLERANCE_CELLS, vectorize
     from mapcli.formats.documents.world import write_world
     from mapcli.formats.maps.load import load_map
     from mapcli.model.memory import Memory
@@ -55,7 +55,7 @@ def command(
     check_outputs([target], [source], "maps", no_clobber=no_clobber)
     loaded = load_map(source, dialect=dialect)
     grid = loaded.grid
-    limit = CELLS_OFF * grid.resolution if tolerance is None else tolerance
+    limit = TOLERANCE_CELLS * grid.resolution if tolerance is None else tolerance
     world = vectorize(grid, limit, threshold)
     write_bytes(target, write_world(world, y_down=y_down), no_clobber=no_clobber)
     if quiet:

@@ -52,12 +52,12 @@ class MowingRun:
 
     Attributes:
         path: true positions, shape (n, 2).
-        counted: metres and radians that the wheels counted between them, shape (n - 1, 2).
+        measured: metres and radians that the wheels measured between them, shape (n - 1, 2).
         seen: how often each mark was noticed, shape (marks,).
     """
 
     path: Floats
-    counted: Floats
+    measured: Floats
     seen: NDArray[np.int64]
 
 
@@ -67,14 +67,14 @@ class Mowing:
 
     Attributes:
         landmark_size: side of the tape marks, metres; None for odometry alone.
-        misses: where each run really ended, as seen from the station, shape (runs, 2), metres.
+        end_errors: where each run really ended, as seen from the station, shape (runs, 2), metres.
         detected: share of the marks that were noticed at least once in a run; None without marks.
         mown: share of the lawn that each run cut, shape (runs,); empty where nobody asked.
         runs: the runs themselves.
     """
 
     landmark_size: float | None
-    misses: Floats
+    end_errors: Floats
     detected: float | None
     mown: Floats
     runs: tuple[MowingRun, ...]
@@ -82,27 +82,27 @@ class Mowing:
     @property
     def distances(self) -> Floats:
         """Metres from the station at the end of each run."""
-        return np.asarray(np.hypot(*self.misses.T), dtype=np.float64)
+        return np.asarray(np.hypot(*self.end_errors.T), dtype=np.float64)
 
     @property
-    def mean_miss(self) -> Floats:
+    def mean_error(self) -> Floats:
         """The error that all runs have in common, x and y."""
-        return np.asarray(self.misses.mean(axis=0), dtype=np.float64)
+        return np.asarray(self.end_errors.mean(axis=0), dtype=np.float64)
 
     @property
-    def spread(self) -> float:
+    def scatter(self) -> float:
         """Metres (root mean square) by which the runs differ from what they have in common."""
-        return float(np.sqrt(((self.misses - self.mean_miss) ** 2).sum(axis=1).mean()))
+        return float(np.sqrt(((self.end_errors - self.mean_error) ** 2).sum(axis=1).mean()))
 
     @property
-    def common_share(self) -> float:
+    def systematic_share(self) -> float:
         """The share of the mean squared error that is the same in every run, 0 to 1."""
-        whole = float((self.misses**2).sum(axis=1).mean())
-        return float((self.mean_miss**2).sum()) / whole if whole else 0.0
+        whole = float((self.end_errors**2).sum(axis=1).mean())
+        return float((self.mean_error**2).sum()) / whole if whole else 0.0
 
     def document(self) -> dict[str, Any]:
         """Ready for JSON."""
-        x, y = self.mean_miss
+        x, y = self.mean_error
         return {
             "landmark_size_m": self.landmark_size,
             "station_distance_m": {
@@ -112,11 +112,11 @@ class Mowing:
                 "worst": _figure(self.distances.max()),
             },
             "mean_miss": {"x": _figure(x), "y": _figure(y)},
-            "spread_m": _figure(self.spread),
-            "common_share": _figure(self.common_share),
+            "spread_m": _figure(self.scatter),
+            "common_share": _figure(self.systematic_share),
             "detected_share": None if self.detected is None else _figure(self.detected),
             "mown_share": _figure(self.mown.mean()) if len(self.mown) else None,
-            "runs": [{"x": _figure(x), "y": _figure(y)} for x, y in self.misses],
+            "runs": [{"x": _figure(x), "y": _figure(y)} for x, y in self.end_errors],
         }
 
 

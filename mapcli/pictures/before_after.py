@@ -9,17 +9,17 @@ from PIL import Image, ImageDraw
 
 from mapcli.model.grid import GridMap
 from mapcli.model.rectified import Floats, RectifiedTrace
-from mapcli.pictures.canvas import (
+from mapcli.pictures.drawing import (
     BLUE,
     FAINT_INK,
     INK,
     RED,
     WHITE,
+    draw_disc,
+    draw_line,
     label,
     png_bytes,
     round_length,
-    smooth_disc,
-    stamp_line,
 )
 from mapcli.pictures.floor_plan import plan_image
 
@@ -70,11 +70,11 @@ def _path_panel(points: Floats, size: tuple[int, int], gap: float) -> Image.Imag
     pixels = np.array(Image.new("RGB", size, WHITE))
     ends = points[[-1, 0]]
     if gap > 1:
-        stamp_line(pixels, ends, np.tile(np.array(RED, np.float64), (2, 1)), 1.2)
-    stamp_line(pixels, points, np.tile(np.array(BLUE, np.float64), (len(points), 1)), 2.4)
+        draw_line(pixels, ends, np.tile(np.array(RED, np.float64), (2, 1)), 1.2)
+    draw_line(pixels, points, np.tile(np.array(BLUE, np.float64), (len(points), 1)), 2.4)
     image = Image.fromarray(pixels)
     for (x, y), radius, colour in ((points[0], 9, INK), (points[-1], 5, RED)):
-        smooth_disc(image, float(x), float(y), radius, colour, WHITE, 2)
+        draw_disc(image, float(x), float(y), radius, colour, WHITE, 2)
     return image
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from mapcli.model.grid import GridMap
-from mapcli.pictures.canvas import (
+from mapcli.pictures.drawing import (
     BLUE,
     FAINT_INK,
     INK,
@@ -23,9 +23,9 @@ from mapcli.pictures.canvas import (
     UNKNOWN,
     WHITE,
     arrow_head,
+    draw_line,
+    draw_polygon,
     font,
-    smooth_polygon,
-    stamp_line,
 )
 
 OBSTACLE = (190, 193, 197)
@@ -176,7 +176,7 @@ def _draw_path(
     cells = np.asarray(path, dtype=np.float64)
     points = (cells[:, ::-1] + 0.5) * size + margin
     pixels = np.array(image)
-    stamp_line(
+    draw_line(
         pixels, points, np.tile(np.array(BLUE, dtype=np.float64), (len(points), 1)), size / 30
     )
     image = Image.fromarray(pixels)
@@ -190,5 +190,5 @@ def _draw_path(
             # Between two cells, where no number is.
             x, y = points[k + 1] - steps[k] / length * size * 0.45
             corners = arrow_head(float(x), float(y), math.atan2(dy, dx), size * 0.13)
-            smooth_polygon(image, corners, BLUE, WHITE, 0)
+            draw_polygon(image, corners, BLUE, WHITE, 0)
     return image

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 from mapcli.model.comparison import FREE, OCCUPIED
 from mapcli.model.comparison import UNKNOWN as NOT_KNOWN
 from mapcli.model.grid import bands
-from mapcli.pictures.canvas import (
+from mapcli.pictures.drawing import (
     BLUE,
     FAINT_INK,
     INK,

@@ -10,17 +10,17 @@ from PIL import Image, ImageDraw
 
 from mapcli.model.evaluation import Errors, Evaluation, statistics
 from mapcli.model.trajectory import Poses, interpolated
-from mapcli.pictures.canvas import (
+from mapcli.pictures.drawing import (
     FAINT_INK,
     FAINT_LINE,
     INK,
     WHITE,
+    draw_disc,
+    draw_line,
     draw_x_scale,
     label,
     png_bytes,
     round_length,
-    smooth_disc,
-    stamp_line,
     time_colours,
 )
 
@@ -102,13 +102,13 @@ def _draw_paths(
     colours = _error_colours(errors.metres)
     if evaluation.reference is not None:
         reference = frame.pixels(evaluation.reference.poses)
-        stamp_line(pixels, reference, np.tile(np.array(REFERENCE, float), (len(reference), 1)), 5.0)
+        draw_line(pixels, reference, np.tile(np.array(REFERENCE, float), (len(reference), 1)), 5.0)
         steps = np.arange(len(trace), dtype=np.float64)
         matched = np.interp(errors.seconds, evaluation.trace.seconds(), steps)
         shown = np.column_stack([np.interp(steps, matched, channel) for channel in colours.T])
-        stamp_line(pixels, trace, shown, 1.8)
+        draw_line(pixels, trace, shown, 1.8)
         return Image.fromarray(pixels)
-    stamp_line(pixels, trace, np.tile(np.array(REFERENCE, float), (len(trace), 1)), 1.6)
+    draw_line(pixels, trace, np.tile(np.array(REFERENCE, float), (len(trace), 1)), 1.6)
     image = Image.fromarray(pixels)
     relations = evaluation.relations
     assert relations is not None
@@ -116,7 +116,7 @@ def _draw_paths(
     for k in np.argsort(errors.metres):  # the worst on top
         red, green, blue = (int(part) for part in colours[k])
         x, y = ends[k].tolist()
-        smooth_disc(image, x, y, 6.0, (red, green, blue), WHITE, 0.8)
+        draw_disc(image, x, y, 6.0, (red, green, blue), WHITE, 0.8)
     return image
 
 
@@ -169,10 +169,10 @@ def _draw_strip(
     colours = _error_colours(values)
     pixels = np.array(image)
     if is_line:
-        stamp_line(pixels, points, colours, 1.6)
+        draw_line(pixels, points, colours, 1.6)
     else:
         for point, colour in zip(points, colours, strict=True):
-            stamp_line(pixels, point[None, :], colour[None, :], 3.0)
+            draw_line(pixels, point[None, :], colour[None, :], 3.0)
     image = Image.fromarray(pixels)
     text = f"{title}: rmse {found['rmse']:.3g}, mean {found['mean']:.3g}, most {found['max']:.3g}"
     label(image, LEFT, top - 10, text, 20, anchor="lb", halo=None)

@@ -12,25 +12,25 @@ from PIL import Image, ImageDraw
 from mapcli.model.exploration import Exploration
 from mapcli.model.grid import GridMap
 from mapcli.pictures.book_figure import cell_size
-from mapcli.pictures.canvas import (
+from mapcli.pictures.drawing import (
     BLUE,
     FAINT_INK,
     INK,
     WHITE,
     Colour,
+    draw_disc,
+    draw_line,
     font,
     label,
     round_length,
-    smooth_disc,
-    stamp_line,
 )
 from mapcli.pictures.map_picture import (
-    PlanView,
+    MapWindow,
     book_image,
+    map_pixels,
     plan_image,
-    plan_pixels,
     png_bytes,
-    view_of,
+    window_of,
 )
 
 ROBOT_COLOURS: tuple[Colour, ...] = (
@@ -49,11 +49,11 @@ def exploration_picture(exploration: Exploration, *, small: bool, low: float) ->
         small: in the book's look, with probabilities and `?`; else a floor plan.
         low: cells from this probability on are obstacles.
     """
-    ways = [way_of(exploration, robot) for robot in range(len(exploration.robots))]
+    ways = [path_of(exploration, robot) for robot in range(len(exploration.robots))]
     if small:
-        return png_bytes(book_still(exploration, ways, low))
+        return png_bytes(book_look(exploration, ways, low))
     if len(ways) > 1:
-        return png_bytes(fleet_plan(exploration, ways))
+        return png_bytes(robots_plan(exploration, ways))
     return png_bytes(
         plan_image(
             exploration.after,
@@ -64,7 +64,7 @@ def exploration_picture(exploration: Exploration, *, small: bool, low: float) ->
     )
 
 
-def way_of(exploration: Exploration, robot: int) -> NDArray[np.int32]:
+def path_of(exploration: Exploration, robot: int) -> NDArray[np.int32]:
     """All cells of a robot's way, its start first, shape (n, 2)."""
     steps = exploration.steps
     of_moves = np.repeat(steps.robot, np.diff(steps.path_end, prepend=0))
@@ -96,7 +96,7 @@ def caption_of(exploration: Exploration) -> str:
     )
 
 
-def book_still(
+def book_look(
     exploration: Exploration, ways: Sequence[NDArray[np.int32]], low: float
 ) -> Image.Image:
     """The map with its numbers; one robot's way in the book's blue, several in their colours."""
@@ -108,10 +108,10 @@ def book_still(
         path=ways[0].tolist() if alone else (),
         low=low,
     )
-    return image if alone else draw_ways(image, exploration.after, ways)
+    return image if alone else draw_paths(image, exploration.after, ways)
 
 
-def draw_ways(image: Image.Image, grid: GridMap, ways: Sequence[NDArray[np.int32]]) -> Image.Image:
+def draw_paths(image: Image.Image, grid: GridMap, ways: Sequence[NDArray[np.int32]]) -> Image.Image:
     """Several robots' ways over a picture in the book's look, side by side where they meet."""
     size = cell_size(grid, labels=True)
     margin = (image.width - grid.columns * size) / 2
@@ -119,12 +119,12 @@ def draw_ways(image: Image.Image, grid: GridMap, ways: Sequence[NDArray[np.int32
     for robot, way in enumerate(ways):
         aside = 0.08 * (robot - (len(ways) - 1) / 2)
         points = (way[:, ::-1].astype(np.float64) + 0.5 + aside) * size + margin
-        stamp_line(pixels, points, colours_of(robot, len(points)), size / 30)
+        draw_line(pixels, points, colours_of(robot, len(points)), size / 30)
     image = Image.fromarray(pixels)
     for robot, way in enumerate(ways):
         row, column = way[0]
         x, y = (column + 0.5) * size + margin, (row + 0.5) * size + margin
-        smooth_disc(image, x, y, size * 0.22, robot_colour(robot), WHITE, size / 30)
+        draw_disc(image, x, y, size * 0.22, robot_colour(robot), WHITE, size / 30)
         label(image, x, y, str(robot + 1), round(size * 0.28), fill=WHITE, halo=None)
     return image
 
@@ -138,21 +138,21 @@ def colours_of(robot: int, count: int) -> NDArray[np.float64]:
     return np.tile(np.array(robot_colour(robot), dtype=np.float64), (count, 1))
 
 
-def fleet_plan(exploration: Exploration, ways: Sequence[NDArray[np.int32]]) -> Image.Image:
+def robots_plan(exploration: Exploration, ways: Sequence[NDArray[np.int32]]) -> Image.Image:
     """A floor plan with the robots' ways in their colours, and a legend."""
     grid = exploration.after
-    view = view_of(grid)
-    pixels = plan_pixels(view)
+    view = window_of(grid)
+    pixels = map_pixels(view)
     mark_cells(pixels, view, np.argwhere(frontier_mask(exploration)), FRONTIER)
     unit = min(max(max(view.width, view.height) / 1600, 0.7), 2.5)
     lines = [view.pixels_of_world(world_points(grid, way)) for way in ways]
     for robot, points in enumerate(lines):
-        stamp_line(pixels, points, np.full((len(points), 3), 255.0), 3.0 * unit)
-        stamp_line(pixels, points, colours_of(robot, len(points)), 1.8 * unit)
+        draw_line(pixels, points, np.full((len(points), 3), 255.0), 3.0 * unit)
+        draw_line(pixels, points, colours_of(robot, len(points)), 1.8 * unit)
     plan = Image.fromarray(pixels)
     for robot, points in enumerate(lines):
         x, y = (float(v) for v in points[0])
-        smooth_disc(plan, x, y, 14 * unit, robot_colour(robot), WHITE, 2 * unit)
+        draw_disc(plan, x, y, 14 * unit, robot_colour(robot), WHITE, 2 * unit)
         label(plan, x, y, str(robot + 1), round(18 * unit), fill=WHITE, halo=None)
     return with_legend(plan, exploration, view.zoom / grid.resolution, unit)
 
@@ -178,7 +178,7 @@ def with_legend(
     for robot in reversed(range(len(exploration.robots))):
         text = f"robot {robot + 1}"
         x -= round(font(letters).getlength(text) + letters * 1.6)
-        smooth_disc(sheet, x, y, 9 * unit, robot_colour(robot), WHITE, 0)
+        draw_disc(sheet, x, y, 9 * unit, robot_colour(robot), WHITE, 0)
         label(sheet, x + letters * 0.7, y, text, letters, anchor="lm", halo=None)
     below = sheet.height - margin * 0.8
     caption = caption_of(exploration)
@@ -187,7 +187,7 @@ def with_legend(
 
 
 def mark_cells(
-    pixels: NDArray[np.uint8], view: PlanView, cells: NDArray[np.integer], colour: Colour
+    pixels: NDArray[np.uint8], view: MapWindow, cells: NDArray[np.integer], colour: Colour
 ) -> None:
     """Colour cells, shape (n, 2), in a plan's pixels, in place; at least a pixel each."""
     corners = np.floor(view.pixels_of_cells(cells - 0.5) + 1e-9).astype(int)

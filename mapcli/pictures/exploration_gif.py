@@ -13,14 +13,14 @@ from PIL import Image
 from mapcli.model.exploration import Exploration, cells_before
 from mapcli.model.exploration_replay import Replay
 from mapcli.pictures.book_figure import book_image
-from mapcli.pictures.canvas import FAINT_INK, WHITE, label, smooth_disc
+from mapcli.pictures.drawing import FAINT_INK, WHITE, draw_disc, label
 from mapcli.pictures.exploration import (
     FRONTIER,
     ROBOT_COLOURS,
     mark_cells,
     robot_colour,
 )
-from mapcli.pictures.plan_view import plan_pixels, view_of
+from mapcli.pictures.map_window import map_pixels, window_of
 
 MOST_FRAMES = 300
 
@@ -109,7 +109,7 @@ class PlanFrames:
 
     def __init__(self, exploration: Exploration, low: float) -> None:
         self.low = low
-        whole = view_of(exploration.after)
+        whole = window_of(exploration.after)
         longer = max(whole.rows, whole.columns)
         zoom = round(LONGER_SIDE / longer) or 1 / -(-longer // LONGER_SIDE)
         self.view = replace(whole, zoom=float(zoom))
@@ -122,7 +122,7 @@ class PlanFrames:
 
     def frame(self, replay: Replay) -> Image.Image:
         shown = replace(self.view, grid=replay.grid)
-        pixels = plan_pixels(shown)
+        pixels = map_pixels(shown)
         self.draw_moves(replay.moved)
         walked = self.ways.any(axis=2)
         pixels[walked] = self.ways[walked]
@@ -130,7 +130,7 @@ class PlanFrames:
         image = Image.fromarray(pixels)
         for robot, cell in enumerate(replay.robots):
             x, y = (float(v) for v in shown.pixels_of_cells([cell])[0])
-            smooth_disc(image, x, y, 7, robot_colour(robot), WHITE, 1.5)
+            draw_disc(image, x, y, 7, robot_colour(robot), WHITE, 1.5)
         return captioned(image, replay, 18)
 
     def draw_moves(self, moves: slice) -> None:

@@ -16,23 +16,23 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from mapcli.model.grid import GridMap
-from mapcli.pictures.canvas import (
+from mapcli.pictures.drawing import (
     FAINT_INK,
     INK,
     RED,
     WHITE,
     Colour,
     arrow_head,
+    draw_disc,
+    draw_line,
+    draw_polygon,
     font,
     label,
     round_length,
-    smooth_disc,
-    smooth_polygon,
-    stamp_line,
     time_colour,
     time_colours,
 )
-from mapcli.pictures.plan_view import USUAL_SIDE, PlanView, plan_pixels, view_of
+from mapcli.pictures.map_window import USUAL_SIDE, MapWindow, map_pixels, window_of
 
 Marker = tuple[float, float, str]
 """A world point with a label."""
@@ -45,7 +45,7 @@ class _Layout:
     unit: float
 
     @classmethod
-    def of(cls, view: PlanView) -> _Layout:
+    def of(cls, view: MapWindow) -> _Layout:
         return cls(min(max(max(view.width, view.height) / USUAL_SIDE, 0.7), 2.5))
 
     @property
@@ -89,11 +89,11 @@ def plan_image(
         title, caption: one line above, one line below.
         scale: pixels per cell; by default the longer side is about 1600 pixels.
     """
-    view = view_of(grid, path, scale=scale)
+    view = window_of(grid, path, scale=scale)
     layout = _Layout.of(view)
     marks = _metre_marks(view)
     image, view = _sheet(view, layout, marks, title=bool(title), caption=bool(caption))
-    pixels = plan_pixels(view)
+    pixels = map_pixels(view)
     _metre_lines(pixels, marks)
     if frontier is not None:
         _mark_cells(pixels, view, frontier, RED)
@@ -114,8 +114,8 @@ Marks = list[tuple[str, float]]
 
 
 def _sheet(
-    view: PlanView, layout: _Layout, marks: tuple[Marks, Marks], *, title: bool, caption: bool
-) -> tuple[Image.Image, PlanView]:
+    view: MapWindow, layout: _Layout, marks: tuple[Marks, Marks], *, title: bool, caption: bool
+) -> tuple[Image.Image, MapWindow]:
     """White paper with room for the plan, and the view placed on it."""
     metres = [font(layout.small).getlength(text) for text, _ in marks[1]]
     left = round(max(metres, default=0)) + layout.margin
@@ -127,7 +127,7 @@ def _sheet(
 
 
 def _write_around(
-    image: Image.Image, view: PlanView, layout: _Layout, title: str, caption: str
+    image: Image.Image, view: MapWindow, layout: _Layout, title: str, caption: str
 ) -> None:
     large, below = round(layout.letters * 1.3), image.height - layout.margin * 0.6
     label(image, view.x, layout.margin, title, large, anchor="ls")
@@ -135,7 +135,7 @@ def _write_around(
 
 
 def _mark_cells(
-    pixels: NDArray[np.uint8], view: PlanView, cells: NDArray[np.bool_], colour: Colour
+    pixels: NDArray[np.uint8], view: MapWindow, cells: NDArray[np.bool_], colour: Colour
 ) -> None:
     corners = view.pixels_of_cells(np.argwhere(cells) - 0.5) - (view.x, view.y)
     size = max(int(view.zoom), 1)
@@ -146,7 +146,7 @@ def _mark_cells(
             pixels[(y + dy)[inside], (x + dx)[inside]] = colour
 
 
-def _metre_marks(view: PlanView) -> tuple[Marks, Marks]:
+def _metre_marks(view: MapWindow) -> tuple[Marks, Marks]:
     """Round metres along the lower edge, and along the left one.
 
     They are world coordinates when the map is not turned, else counted from its corner.
@@ -181,7 +181,9 @@ def _metre_lines(pixels: NDArray[np.uint8], marks: tuple[Marks, Marks]) -> None:
                 lines[round(pixel)] = lines[round(pixel)] // 20 * 18 + 6
 
 
-def _frame(image: Image.Image, view: PlanView, layout: _Layout, marks: tuple[Marks, Marks]) -> None:
+def _frame(
+    image: Image.Image, view: MapWindow, layout: _Layout, marks: tuple[Marks, Marks]
+) -> None:
     """A thin frame with metres along the left and the lower edge."""
     right, bottom = view.x + view.width, view.y + view.height
     ImageDraw.Draw(image).rectangle((view.x - 1, view.y - 1, right, bottom), outline=FAINT_INK)
@@ -203,20 +205,20 @@ def _fractions(
 
 
 def _draw_path(
-    image: Image.Image, view: PlanView, layout: _Layout, path: NDArray[np.float64],
+    image: Image.Image, view: MapWindow, layout: _Layout, path: NDArray[np.float64],
     fractions: NDArray[np.float64], headings: NDArray[np.float64] | None,
 ) -> Image.Image:  # fmt: skip
     points = view.pixels_of_world(path)
     pixels = np.array(image)
     radius = 1.9 * layout.unit
-    stamp_line(pixels, points, np.full((len(points), 3), 255.0), radius + 1.4 * layout.unit)
-    stamp_line(pixels, points, time_colours(fractions), radius)
+    draw_line(pixels, points, np.full((len(points), 3), 255.0), radius + 1.4 * layout.unit)
+    draw_line(pixels, points, time_colours(fractions), radius)
     image = Image.fromarray(pixels)
     _arrows(image, view, layout, points, fractions, headings)
     # The start is the larger disc, so that it shows under an end in the same place.
     for k, text, side, size in ((0, "start", -1, 10.5), (-1, "end", 1, 7.0)):
         x, y = (float(v) for v in points[k])
-        smooth_disc(
+        draw_disc(
             image, x, y, size * layout.unit, time_colour(fractions[k]), WHITE, 2 * layout.unit
         )
         room = 15 * layout.unit + font(layout.letters).getlength(text)
@@ -227,7 +229,7 @@ def _draw_path(
 
 
 def _arrows(
-    image: Image.Image, view: PlanView, layout: _Layout, points: NDArray[np.float64],
+    image: Image.Image, view: MapWindow, layout: _Layout, points: NDArray[np.float64],
     fractions: NDArray[np.float64], headings: NDArray[np.float64] | None,
 ) -> None:  # fmt: skip
     """Arrow heads along the path, at most forty and far enough apart not to crowd it."""
@@ -242,17 +244,17 @@ def _arrows(
             direction = math.atan2(dy, dx)
         x, y = (float(v) for v in points[k])
         corners = arrow_head(x, y, direction, 11 * layout.unit)
-        smooth_polygon(image, corners, time_colour(fractions[k]), WHITE, 1.2 * layout.unit)
+        draw_polygon(image, corners, time_colour(fractions[k]), WHITE, 1.2 * layout.unit)
 
 
-def _pin(image: Image.Image, view: PlanView, layout: _Layout, marker: Marker) -> None:
+def _pin(image: Image.Image, view: MapWindow, layout: _Layout, marker: Marker) -> None:
     x, y, text = marker
     px, py = (float(v) for v in view.pixels_of_world(np.array([[x, y]]))[0])
-    smooth_disc(image, px, py, 6 * layout.unit, RED, WHITE, 1.5 * layout.unit)
+    draw_disc(image, px, py, 6 * layout.unit, RED, WHITE, 1.5 * layout.unit)
     label(image, px + 10 * layout.unit, py, text, layout.letters, anchor="lm")
 
 
-def _scale_bar(image: Image.Image, view: PlanView, layout: _Layout) -> None:
+def _scale_bar(image: Image.Image, view: MapWindow, layout: _Layout) -> None:
     """A bar of round metres under the plan's left corner."""
     per_metre = view.zoom / view.grid.resolution
     metres = round_length(0.3 * (image.width - view.x) / per_metre)
@@ -268,7 +270,7 @@ def _scale_bar(image: Image.Image, view: PlanView, layout: _Layout) -> None:
 
 
 def _time_bar(
-    image: Image.Image, view: PlanView, layout: _Layout, stamps: NDArray[np.float64] | None
+    image: Image.Image, view: MapWindow, layout: _Layout, stamps: NDArray[np.float64] | None
 ) -> None:
     """What the path's colours mean, under the plan's right corner."""
     seconds = float(stamps[-1] - stamps[0]) if stamps is not None and len(stamps) else None

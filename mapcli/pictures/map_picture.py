@@ -12,20 +12,20 @@ from typing import ParamSpec
 from PIL import Image
 
 from mapcli.pictures.book_figure import book_image, cells_passed
-from mapcli.pictures.canvas import png_bytes
+from mapcli.pictures.drawing import png_bytes
 from mapcli.pictures.floor_plan import plan_image
-from mapcli.pictures.plan_view import PlanView, plan_pixels, view_of
+from mapcli.pictures.map_window import MapWindow, map_pixels, window_of
 
 __all__ = [
-    "PlanView",
+    "MapWindow",
     "book_image",
     "book_picture",
     "cells_passed",
     "floor_plan",
+    "map_pixels",
     "plan_image",
-    "plan_pixels",
     "png_bytes",
-    "view_of",
+    "window_of",
 ]
 
 

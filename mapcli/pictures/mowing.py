@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from mapcli.model.mowing import Floats, Mowing, MowingPlan
-from mapcli.pictures.canvas import (
+from mapcli.pictures.drawing import (
     FAINT_INK,
     INK,
     RED,
     WHITE,
     Colour,
+    draw_disc,
+    draw_line,
     label,
     png_bytes,
     round_length,
-    smooth_disc,
-    stamp_line,
 )
 
 PANEL = 760
@@ -57,7 +57,7 @@ def mowing_picture(plan: MowingPlan, mowings: Sequence[Mowing]) -> bytes:
 def _extent(plan: MowingPlan, mowings: Sequence[Mowing]) -> tuple[Floats, Floats]:
     """The corners of everything shown, and a margin."""
     paths = [run.path for mowing in mowings for run in mowing.runs[:SHOWN]]
-    ends = [mowing.misses + plan.station for mowing in mowings]
+    ends = [mowing.end_errors + plan.station for mowing in mowings]
     everything = np.concatenate([plan.outline, *paths, *ends])
     low, high = everything.min(axis=0), everything.max(axis=0)
     margin = 0.03 * float((high - low).max())
@@ -82,17 +82,17 @@ def _panel(
     for run, colour in zip(mowing.runs[:SHOWN], PATHS, strict=False):
         _draw(pixels, place(run.path), colour)
     image = Image.fromarray(pixels)
-    for x, y in place(mowing.misses + plan.station):
-        smooth_disc(image, float(x), float(y), 4, RED, WHITE, 1)
+    for x, y in place(mowing.end_errors + plan.station):
+        draw_disc(image, float(x), float(y), 4, RED, WHITE, 1)
     x, y = (float(value) for value in place(plan.station[None])[0])
     for radius, colour in ((11, INK), (8, WHITE), (5, INK)):
-        smooth_disc(image, x, y, radius, colour, colour, 0)
+        draw_disc(image, x, y, radius, colour, colour, 0)
     return image
 
 
 def _draw(pixels: NDArray[np.uint8], points: Floats, colour: Colour) -> None:
     colours = np.tile(np.array(colour, dtype=np.float64), (len(points), 1))
-    stamp_line(pixels, points, colours, 1.2)
+    draw_line(pixels, points, colours, 1.2)
 
 
 def _title(plan: MowingPlan, mowing: Mowing) -> str:

@@ -14,7 +14,7 @@ from mapcli.formats.documents.similarity_table import number_text, position_name
 from mapcli.model.peaks import Peaks
 from mapcli.model.pose import Pose2D
 from mapcli.model.similarity import Scored
-from mapcli.pictures.canvas import (
+from mapcli.pictures.drawing import (
     BLUE,
     FAINT_INK,
     INK,
@@ -23,12 +23,12 @@ from mapcli.pictures.canvas import (
     WHITE,
     Colour,
     arrow_head,
+    draw_disc,
+    draw_polygon,
     font,
     label,
     png_bytes,
     round_length,
-    smooth_disc,
-    smooth_polygon,
     time_colours,
 )
 
@@ -126,8 +126,8 @@ def _robot(image: Image.Image, robot: tuple[float, float, float], size: float) -
     reach = max(size, 14.0)
     tip = x + 0.9 * reach * math.cos(heading), y - 0.9 * reach * math.sin(heading)
     ImageDraw.Draw(image).line((x, y, *tip), fill=BLUE, width=3)
-    smooth_polygon(image, arrow_head(*tip, -heading, max(reach / 5, 6)), BLUE, WHITE, 0)
-    smooth_disc(image, x, y, max(size / 5, 5), BLUE, WHITE, 1)
+    draw_polygon(image, arrow_head(*tip, -heading, max(reach / 5, 6)), BLUE, WHITE, 0)
+    draw_disc(image, x, y, max(size / 5, 5), BLUE, WHITE, 1)
 
 
 def heat_map(surface: Floats, along: Floats, peaks: Peaks, *, lower: bool) -> bytes:
@@ -178,7 +178,7 @@ def _peak(
 ) -> None:  # fmt: skip
     x, y = _place(candidate, along, box)
     edge = INK if colour == WHITE else WHITE
-    smooth_disc(image, x, y, 7, colour, edge, 2)
+    draw_disc(image, x, y, 7, colour, edge, 2)
     said = f"{text} ({candidate.turn_deg:g} deg)"
     room = x + 14 + font(LETTERS).getlength(said) < box[0] + box[2]
     label(image, x + (14 if room else -14), y, said, LETTERS, anchor="lm" if room else "rm")
@@ -246,9 +246,9 @@ def landmark_plan(
             continue
         draw.line((*pixel(best.x, best.y), *pixel(*end)), fill=LINE, width=2)
         draw.line((*pixel(*end), *pixel(*point)), fill=RED, width=2)
-        smooth_disc(image, *pixel(*end), 6, WHITE, RED, 2)
+        draw_disc(image, *pixel(*end), 6, WHITE, RED, 2)
     for k, point in enumerate(points):
-        smooth_disc(image, *pixel(*point), 9, OBSTACLE, INK, 1)
+        draw_disc(image, *pixel(*point), 9, OBSTACLE, INK, 1)
         x, y = pixel(*point)
         label(image, x + 14, y - 14, str(k), 16, anchor="lm")
     for name, pose in robots.items():
@@ -263,6 +263,6 @@ def _posed(image: Image.Image, x: float, y: float, heading: float, name: str) ->
     colour = BLUE if name == "best" else FAINT_INK
     tip = x + 40 * math.cos(heading), y - 40 * math.sin(heading)
     ImageDraw.Draw(image).line((x, y, *tip), fill=colour, width=3)
-    smooth_polygon(image, arrow_head(*tip, -heading, 9), colour, WHITE, 0)
-    smooth_disc(image, x, y, 8, colour, WHITE, 1)
+    draw_polygon(image, arrow_head(*tip, -heading, 9), colour, WHITE, 0)
+    draw_disc(image, x, y, 8, colour, WHITE, 1)
     label(image, x, y + 22, name, 16)

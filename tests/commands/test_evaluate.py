@@ -13,7 +13,7 @@ from PIL import Image
 from support.paths import FIXTURES
 
 from mapcli.cli import main
-from mapcli.pictures.canvas import WHITE
+from mapcli.pictures.drawing import WHITE
 
 CORRIDOR = str(FIXTURES / "corridor.mcap")
 

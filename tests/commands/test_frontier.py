@@ -18,7 +18,7 @@ from mapcli.cli import main
 from mapcli.formats.maps.load import dump_map, load_map
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
-from mapcli.pictures.canvas import RED
+from mapcli.pictures.drawing import RED
 
 WORLD, KNOWN, SMALL = (str(FIXTURES / f"{name}.txt") for name in ("fig9_9", "fig9_4", "fig9_10"))
 BOOK = (WORLD, "--known", KNOWN, "--robot", "5,9")

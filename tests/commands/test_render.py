@@ -15,7 +15,7 @@ from mapcli.cli import main
 from mapcli.formats.maps.load import dump_map
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
-from mapcli.pictures.canvas import RED
+from mapcli.pictures.drawing import RED
 
 
 @pytest.fixture(autouse=True)

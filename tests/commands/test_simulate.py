@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 from support.paths import FIXTURES
 
 from mapcli.algorithms.simulation.drive import Drive, plan_drive
-from mapcli.algorithms.simulation.sensors import Fault, LaserModel, OdometryModel
+from mapcli.algorithms.simulation.sensors import Fault, LaserModel, WheelModel
 from mapcli.algorithms.simulation.simulate import GRAIN, START_NS, Simulation, check_clearance
 from mapcli.cli import main
 from mapcli.errors import DataError
@@ -34,7 +34,7 @@ ROOM = World.of(
         [[5, 0], [6, 0], [6, 4], [5, 4]],
     ]
 )
-EXACT_WHEELS = OdometryModel(noise=(0, 0, 0, 0))
+EXACT_WHEELS = WheelModel(noise=(0, 0, 0, 0))
 EXACT_LASER = LaserModel(rate=2, beams=8, noise=0)
 
 
@@ -94,7 +94,7 @@ def test_the_laser_does_not_change_the_wheels(drive: Drive) -> None:
 
 
 def test_noise_grows_with_the_root_of_the_way() -> None:
-    model = OdometryModel(noise=(0.1, 0.2, 0.3, 0.4))
+    model = WheelModel(noise=(0.1, 0.2, 0.3, 0.4))
     moved, turned = Pose2D(0.04), Pose2D(theta=-0.09)
     for motion, x_sigma, theta_sigma in ((moved, 0.06, 0.04), (turned, 0.12, 0.03)):
         rng = np.random.default_rng(0)
@@ -143,7 +143,7 @@ def test_slipping_wheels() -> None:
 
 
 def test_a_fault_after_the_end_is_refused(drive: Drive) -> None:
-    wheels = OdometryModel(faults=(Fault("slip", 99, 100),))
+    wheels = WheelModel(faults=(Fault("slip", 99, 100),))
     with pytest.raises(DataError, match="slip begins at 99 s; expected a time before the end"):
         Simulation(ROOM, drive, wheels)
 
@@ -206,12 +206,12 @@ def test_range_noise_and_dropout() -> None:
         (lambda: LaserModel(range_min=13), "range_min is 13; expected less than range_max"),
         (lambda: LaserModel(noise=-1), "noise is -1"),
         (lambda: LaserModel(dropout=1), "dropout is 1; expected a share"),
-        (lambda: OdometryModel(rate=-1), "rate is -1"),
-        (lambda: OdometryModel(scale=0), "scale is 0"),
-        (lambda: OdometryModel(drift_deg=math.nan), "drift_deg is nan"),
-        (lambda: OdometryModel(noise=(0, 0, -1, 0)), "noise (0, 0, -1, 0); expected four"),
+        (lambda: WheelModel(rate=-1), "rate is -1"),
+        (lambda: WheelModel(scale=0), "scale is 0"),
+        (lambda: WheelModel(drift_deg=math.nan), "drift_deg is nan"),
+        (lambda: WheelModel(noise=(0, 0, -1, 0)), "noise (0, 0, -1, 0); expected four"),
         (
-            lambda: OdometryModel(faults=(Fault("slip", 3, 5), Fault("freeze", 2, 4))),
+            lambda: WheelModel(faults=(Fault("slip", 3, 5), Fault("freeze", 2, 4))),
             "faults overlap at 3 s",
         ),
         (lambda: Fault("slip", 3, 3), "fault from 3 to 3 s; expected an end after its begin"),

@@ -15,13 +15,13 @@ from mapcli.algorithms.exploration.frontier_cells import frontier_cells
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 from mapcli.pictures.book_figure import OBSTACLE, ROBOT, probability_label
-from mapcli.pictures.canvas import (
+from mapcli.pictures.drawing import (
     INK,
     RED,
     UNKNOWN,
     WHITE,
+    draw_line,
     round_length,
-    stamp_line,
     time_colour,
 )
 from mapcli.pictures.floor_plan import duration
@@ -30,11 +30,11 @@ from mapcli.pictures.map_picture import (
     book_picture,
     cells_passed,
     floor_plan,
+    map_pixels,
     plan_image,
-    plan_pixels,
-    view_of,
+    window_of,
 )
-from mapcli.pictures.plan_view import LARGEST_SIDE
+from mapcli.pictures.map_window import LARGEST_SIDE
 
 Q = float("nan")
 LEVELS = np.array([[Q, Q, Q, Q], [Q, 0, 1, 0.5], [Q, 0.1, 0.9, Q]], dtype=np.float32)
@@ -58,8 +58,8 @@ def colours_of(image: Image.Image) -> set[Any]:
 
 def test_cells_become_white_dark_and_light_grey() -> None:
     grid = GridMap(LEVELS)
-    view = view_of(grid, scale=1, crop=False)
-    colours = plan_pixels(view)
+    view = window_of(grid, scale=1, crop=False)
+    colours = map_pixels(view)
     assert colours.shape == (3, 4, 3)
     assert colours[0, 0].tolist() == list(UNKNOWN)
     assert colours[1, 1].tolist() == list(WHITE)
@@ -71,21 +71,21 @@ def test_cells_become_white_dark_and_light_grey() -> None:
 
 def test_view_is_cropped_to_what_is_known_and_to_the_path() -> None:
     grid = room()
-    view = view_of(grid)
+    view = window_of(grid)
     assert (view.top, view.left, view.rows, view.columns) == (8, 8, 44, 84)
     far = np.array([[50.0, 30.0], [95.5, 30.0]])  # column 95, row 29
-    view = view_of(grid, far)
+    view = window_of(grid, far)
     assert (view.left, view.columns) == (8, 90)
 
 
 def test_view_of_a_map_without_known_cells_is_the_whole_map() -> None:
-    view = view_of(GridMap(np.full((5, 7), Q)))
+    view = window_of(GridMap(np.full((5, 7), Q)))
     assert (view.top, view.left, view.rows, view.columns) == (-2, -2, 9, 11)
 
 
 def test_world_points_fall_on_their_cells() -> None:
     grid = room(resolution=0.5, origin=Pose2D(3, -2, 0.7))
-    view = view_of(grid, scale=4)
+    view = window_of(grid, scale=4)
     rows, columns = np.array([10, 20, 49]), np.array([10, 31, 89])
     by_world = view.pixels_of_world(grid.world_of_cells(rows, columns))
     expected = np.column_stack([(columns - 8 + 0.5) * 4, (rows - 8 + 0.5) * 4])
@@ -106,9 +106,9 @@ def test_large_maps_are_reduced_and_thin_walls_stay() -> None:
     cells = np.zeros((3, 2 * LARGEST_SIDE + 1), dtype=np.float32)
     cells[1, 1234] = 1
     cells[:, 4000] = Q
-    view = view_of(GridMap(cells), crop=False)
+    view = window_of(GridMap(cells), crop=False)
     assert view.zoom == pytest.approx(1 / 3)
-    colours = plan_pixels(view)
+    colours = map_pixels(view)
     assert colours.shape == (1, 2667, 3)
     assert colours[0, 1234 // 3].tolist() == list(INK)
     assert colours[0, 4000 // 3].tolist() == list(WHITE)
@@ -129,7 +129,7 @@ def test_path_is_coloured_by_time() -> None:
     grid = room(resolution=0.05)
     path = grid.world_of_cells(np.full(50, 30.0), np.linspace(15, 84, 50))
     stamps = np.linspace(100.0, 160.0, 50)
-    view = view_of(grid, path)
+    view = window_of(grid, path)
     image = plan_image(grid, path=path, stamps=stamps, headings=np.zeros(50))
     offset = placed_at(image, grid, path)
     for k in (3, 22):
@@ -171,7 +171,7 @@ def test_frontier_cells_are_red_on_a_plan() -> None:
 def test_stamped_line_covers_its_pixels_softly() -> None:
     pixels = np.full((11, 40, 3), 255, dtype=np.uint8)
     black = np.zeros((2, 3))
-    stamp_line(pixels, np.array([[5.0, 5.5], [35.0, 5.5]]), black, radius=1.5)
+    draw_line(pixels, np.array([[5.0, 5.5], [35.0, 5.5]]), black, radius=1.5)
     assert pixels[5, 20].tolist() == [0, 0, 0]
     assert pixels[4, 20].mean() < 10
     assert pixels[3, 20].mean() > 200, "the rim"
@@ -183,7 +183,7 @@ def test_where_a_line_crosses_itself_the_later_stretch_is_on_top() -> None:
     pixels = np.full((41, 41, 3), 255, dtype=np.uint8)
     corners = np.array([[20.5, 2.0], [20.5, 38.0], [38.0, 38.0], [38.0, 20.5], [2.0, 20.5]])
     colours = np.array([[0.0] * 3, [0.0] * 3, [100.0] * 3, [200.0] * 3, [200.0] * 3])
-    stamp_line(pixels, corners, colours, radius=2)
+    draw_line(pixels, corners, colours, radius=2)
     assert pixels[20, 20].tolist() == [200, 200, 200]
     assert pixels[10, 20].tolist() == [0, 0, 0]
 

@@ -25,7 +25,7 @@ SHORTEST_STEP_S = 0.1
 
 
 @dataclass(frozen=True)
-class Rhythm:
+class Timing:
     """How regularly records come.
 
     Attributes:
@@ -48,12 +48,12 @@ class Rhythm:
 
 
 @dataclass(frozen=True)
-class CheckUp:
+class LogCheck:
     """What a log is like (all in metres, seconds and radians).
 
     Attributes:
         start_ns, end_ns: stamps of the first and the last record.
-        scans, odometry: their rhythms.
+        scans, odometry: their timing.
         beams: fewest and most beams of a scan.
         bearings: least and greatest bearing in the laser's frame.
         range_limits: least and greatest limit that the scans tell.
@@ -67,8 +67,8 @@ class CheckUp:
 
     start_ns: int
     end_ns: int
-    scans: Rhythm
-    odometry: Rhythm
+    scans: Timing
+    odometry: Timing
     beams: tuple[int, int]
     bearings: tuple[float, float]
     range_limits: tuple[float, float]
@@ -135,17 +135,17 @@ class _Checking:
             self.distance += way
             self.turned += turn
 
-    def result(self) -> CheckUp:
+    def result(self) -> LogCheck:
         start = self.start or 0
         scans, odometry = np.array(self.scan_stamps), np.array(self.odometry_stamps)
         outside = 0
         if len(odometry):
             outside = int(np.count_nonzero((scans < odometry[0]) | (scans > odometry[-1])))
-        return CheckUp(
+        return LogCheck(
             start,
             self.end,
-            _rhythm(scans, start),
-            _rhythm(odometry, start),
+            _timing(scans, start),
+            _timing(odometry, start),
             (int(min(self.beams)) if len(scans) else 0, int(self.beams[1])),
             (self.bearings[0], self.bearings[1]) if len(scans) else (0.0, 0.0),
             (self.limits[0], self.limits[1]) if len(scans) else (0.0, 0.0),
@@ -158,7 +158,7 @@ class _Checking:
         )
 
 
-def check_log(records: Iterable[Record]) -> CheckUp:
+def check_log(records: Iterable[Record]) -> LogCheck:
     """Look a log over.
 
     Args:
@@ -170,9 +170,9 @@ def check_log(records: Iterable[Record]) -> CheckUp:
     return checking.result()
 
 
-def _rhythm(stamps: NDArray[np.int64], start_ns: int) -> Rhythm:
+def _timing(stamps: NDArray[np.int64], start_ns: int) -> Timing:
     if len(stamps) == 0:
-        return Rhythm(0, 0, 0, 0.0, 0, 0.0, 0.0, 0)
+        return Timing(0, 0, 0, 0.0, 0, 0.0, 0.0, 0)
     first, last = int(stamps[0]), int(stamps[-1])
     steps = np.diff(stamps) * 1e-9
     period = float(np.median(steps)) if len(steps) else 0.0
@@ -184,4 +184,4 @@ def _rhythm(stamps: NDArray[np.int64], start_ns: int) -> Rhythm:
         widest = gaps[np.argmax(steps[gaps])]
         longest, at = float(steps[widest]), float(stamps[widest] - start_ns) * 1e-9
     same = int(np.count_nonzero(steps == 0))
-    return Rhythm(len(stamps), first, last, period, len(gaps), longest, at, same)
+    return Timing(len(stamps), first, last, period, len(gaps), longest, at, same)

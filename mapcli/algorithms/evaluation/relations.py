@@ -26,7 +26,7 @@ SLACK_NS = 200
 """Relations name stamps of the log with microseconds; less than half of one is rounding."""
 
 
-def compare_relations(
+def evaluate_relations(
     trace: Trajectory,
     relations: Relations,
     odometry: Trajectory | None = None,
@@ -71,7 +71,7 @@ def compare_relations(
 
 
 def poses_at(moments: Stamps, trace: Trajectory, odometry: Trajectory | None) -> Poses:
-    """The poses at any moments within the trace, shape (k, 3); see `compare_relations`."""
+    """The poses at any moments within the trace, shape (k, 3); see `evaluate_relations`."""
     if odometry is None:
         return interpolated(moments, trace)
     stamps = trace.stamps_ns

@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.evaluation.relations import compare_relations
-from mapcli.algorithms.evaluation.trajectory_error import nearest
+from mapcli.algorithms.evaluation.relations import evaluate_relations
+from mapcli.algorithms.evaluation.trajectory_error import nearest_stamps
 from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.slam.agreement import agreement
 from mapcli.algorithms.slam.match import MatchParameters
@@ -84,7 +84,7 @@ def self_check(
             or not one pair that can be aligned.
     """
     p = parameters or SelfCheckParameters()
-    pairs = revisits(trace, p)
+    pairs = revisited_pairs(trace, p)
     if not pairs:
         raise DataError(
             f"no place is visited twice: no two poses are within {p.near_m:g} m of each other "
@@ -98,11 +98,11 @@ def self_check(
             f"none of the {len(pairs)} pairs of scans at places visited twice can be aligned",
             expected="scans that see the same walls, and a trace that is right by 2 m there",
         )
-    evaluation = compare_relations(trace, _relations(trace, measured), kind="self-check")
+    evaluation = evaluate_relations(trace, _relations(trace, measured), kind="self-check")
     return replace(evaluation, total=len(pairs), how="those that can be aligned for certain")
 
 
-def revisits(trace: Trajectory, parameters: SelfCheckParameters) -> list[Pair]:
+def revisited_pairs(trace: Trajectory, parameters: SelfCheckParameters) -> list[Pair]:
     """Pairs of poses near each other in space but far apart along the path, spread over the log.
 
     Raises:
@@ -145,7 +145,7 @@ def _scans_of(
     stamps, scans = trace.stamps_ns[wanted], dict[int, Perception]()
     for record in records:
         if isinstance(record, RangeScan):
-            at, _ = nearest(stamps, np.array([record.stamp_ns]), SAME_STAMP_S)
+            at, _ = nearest_stamps(stamps, np.array([record.stamp_ns]), SAME_STAMP_S)
             if len(at):
                 scans[wanted[int(at[0])]] = perceive(record, PerceptionParameters())
     if not scans:

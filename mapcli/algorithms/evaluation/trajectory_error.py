@@ -60,9 +60,9 @@ def compare(
     """
     theirs, mine, how, total = _associated(trace, reference, parameters)
     truth, found = theirs, trace.poses[mine]
-    motion = alignment(found[:, :2], truth[:, :2])
+    motion = rigid_alignment(found[:, :2], truth[:, :2])
     aligned, seconds = moved(found, motion), trace.seconds()[mine]
-    first, second = pairs_apart(found, parameters)
+    first, second = rpe_pairs(found, parameters)
     rpe = Errors.of(
         between(truth[first], truth[second]), between(found[first], found[second]), seconds[second]
     )
@@ -103,7 +103,7 @@ def _associated(
         theirs = interpolated(trace.stamps_ns[mine], reference)
         how, total = f"reference interpolated over at most {gap:g} s", len(trace)
     else:
-        mine, other = nearest(trace.stamps_ns, reference.stamps_ns, parameters.max_diff_s)
+        mine, other = nearest_stamps(trace.stamps_ns, reference.stamps_ns, parameters.max_diff_s)
         theirs = reference.poses[other]
         how = f"by stamps at most {parameters.max_diff_s:g} s apart"
         total = min(len(trace), len(reference))
@@ -130,7 +130,7 @@ def _no_match(trace: Trajectory, reference: Trajectory, matched: int, how: str) 
     )
 
 
-def nearest(mine: Stamps, other: Stamps, max_diff_s: float) -> tuple[Indices, Indices]:
+def nearest_stamps(mine: Stamps, other: Stamps, max_diff_s: float) -> tuple[Indices, Indices]:
     """For each stamp of the shorter list the nearest of the longer, if it is near enough.
 
     Returns indices into `mine` and into `other`; one of the longer may be named more than once.
@@ -162,7 +162,7 @@ def within_gaps(stamps: Stamps, known: Stamps, gap_s: float) -> Indices:
     return np.flatnonzero(inside & (exact | (gaps <= round(gap_s * 1e9))))
 
 
-def alignment(found: NDArray[np.float64], truth: NDArray[np.float64]) -> Pose2D:
+def rigid_alignment(found: NDArray[np.float64], truth: NDArray[np.float64]) -> Pose2D:
     """The rigid motion of the plane that takes points nearest to others (Umeyama 1991, scale 1).
 
     Both shape (n, 2). In the plane the turn is known in closed form; unlike in space, there is no
@@ -176,7 +176,7 @@ def alignment(found: NDArray[np.float64], truth: NDArray[np.float64]) -> Pose2D:
     return Pose2D(float(goal[0] - x), float(goal[1] - y), turn.theta)
 
 
-def pairs_apart(poses: Poses, parameters: EvaluateParameters) -> tuple[Indices, Indices]:
+def rpe_pairs(poses: Poses, parameters: EvaluateParameters) -> tuple[Indices, Indices]:
     """Pairs of poses that are `delta` apart, each beginning where the one before ended.
 
     Raises:

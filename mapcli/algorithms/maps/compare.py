@@ -8,13 +8,13 @@ from scipy.spatial import cKDTree
 
 from mapcli.algorithms.maps.registration import register
 from mapcli.algorithms.maps.transform import joint_frame, move, sampled
-from mapcli.algorithms.maps.wall_direction import OCCUPIED_FROM, wall_points
+from mapcli.algorithms.maps.wall_direction import OCCUPIED_THRESHOLD, occupied_points
 from mapcli.model.comparison import FREE, OCCUPIED, UNKNOWN, Comparison
 from mapcli.model.grid import GridMap, histogram
 
 
 def compare(
-    a: GridMap, b: GridMap, *, align: bool = False, low: float = OCCUPIED_FROM
+    a: GridMap, b: GridMap, *, align: bool = False, low: float = OCCUPIED_THRESHOLD
 ) -> tuple[Comparison, NDArray[np.uint8]]:
     """Compare two maps on the cells of the first, which go on as far as the second reaches.
 
@@ -40,7 +40,7 @@ def compare(
     comparison = Comparison(
         cells,
         a.resolution**2,
-        *_wall_distances(wall_points(a, low), wall_points(b, low)),
+        *_wall_distances(occupied_points(a, low), occupied_points(b, low)),
         alignment=None if found is None else found.motion,
         score=None if found is None else found.score,
     )

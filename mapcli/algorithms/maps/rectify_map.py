@@ -19,7 +19,7 @@ from mapcli.model.grid import GridMap
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-CELLS_OFF = 2.0
+TOLERANCE_CELLS = 2.0
 """Default tolerance, in cells."""
 
 MOSTLY, NEARLY = 0.75, math.radians(20)

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
-from mapcli.algorithms.maps.transform import bake, move, resample
-from mapcli.algorithms.maps.wall_direction import OCCUPIED_FROM, wall_points
+from mapcli.algorithms.maps.transform import bake_yaw, move, resample
+from mapcli.algorithms.maps.wall_direction import OCCUPIED_THRESHOLD, occupied_points
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D, wrap_angle
@@ -54,13 +54,13 @@ class Registration:
     overlap_m2: float
 
 
-def register(a: GridMap, b: GridMap, low: float = OCCUPIED_FROM) -> Registration:
+def register(a: GridMap, b: GridMap, low: float = OCCUPIED_THRESHOLD) -> Registration:
     """Find the motion of `b` that lays it onto `a`.
 
     Raises:
         DataError: a map without walls, or nothing in common.
     """
-    walls_a, walls_b = wall_points(a, low), _some(wall_points(b, low))
+    walls_a, walls_b = occupied_points(a, low), _some(occupied_points(b, low))
     if not (len(walls_a) and len(walls_b)):
         raise DataError("a map without occupied cells", expected="walls in both maps")
     tree = cKDTree(walls_a)
@@ -81,15 +81,15 @@ def register(a: GridMap, b: GridMap, low: float = OCCUPIED_FROM) -> Registration
 
 
 def score(
-    a: GridMap, b: GridMap, motion: Pose2D, low: float = OCCUPIED_FROM
+    a: GridMap, b: GridMap, motion: Pose2D, low: float = OCCUPIED_THRESHOLD
 ) -> tuple[Registration, float]:
     """How well `b`, moved, lies on `a`; and the evidence for it, in square metres of walls."""
     moved, _ = move(b, motion)
     near = _NEAR_CELLS * max(a.resolution, b.resolution)
     met = compared = evidence = 0.0
     for mine, other in ((a, moved), (moved, a)):
-        everything = _close_to(other, wall_points(mine, low), near)
-        walls, targets = _some(everything), _close_to(mine, wall_points(other, low), near)
+        everything = _close_to(other, occupied_points(mine, low), near)
+        walls, targets = _some(everything), _close_to(mine, occupied_points(other, low), near)
         weight = len(everything) / max(len(walls), 1) * mine.resolution**2
         distance = _distances(walls, targets, near)
         meets = np.isfinite(distance)
@@ -171,7 +171,7 @@ def _candidates(a: GridMap, b: GridMap, low: float) -> list[tuple[Pose2D, float]
 
 def _signal(grid: GridMap, low: float) -> tuple[NDArray[np.float64], tuple[float, float]]:
     """Walls above and open below a mean of 0, unknown 0; the lowest y in row 0. And its corner."""
-    upright = bake(grid)
+    upright = bake_yaw(grid)
     cells = upright.bottom_up()
     known = ~np.isnan(cells)
     signal = np.where(known, np.where(cells >= np.float32(low), 1.0, 0.0), 0.0)

@@ -66,7 +66,7 @@ def shift(grid: GridMap, x: float, y: float) -> tuple[GridMap, Isometry]:
     return move(grid, Pose2D(x, y))
 
 
-def place(grid: GridMap, origin: Pose2D) -> tuple[GridMap, Isometry]:
+def set_origin(grid: GridMap, origin: Pose2D) -> tuple[GridMap, Isometry]:
     """Move the world so that the map's origin becomes `origin`. The cells stay as they are."""
     moved, motion = move(grid, origin.compose(grid.origin.inverse()))
     return GridMap(moved.stored, grid.resolution, origin), motion
@@ -80,7 +80,7 @@ def move(grid: GridMap, motion: Pose2D) -> tuple[GridMap, Isometry]:
 def rotate(grid: GridMap, angle: float) -> tuple[GridMap, Isometry]:
     """Turn the world about its origin by `angle`, radians; the origin's yaw stays as it was."""
     moved, motion = move(grid, Pose2D(0, 0, angle))
-    return bake(moved, grid.origin.theta), motion
+    return bake_yaw(moved, grid.origin.theta), motion
 
 
 def flip(grid: GridMap, side: Side) -> tuple[GridMap, Isometry]:
@@ -98,7 +98,7 @@ def flip(grid: GridMap, side: Side) -> tuple[GridMap, Isometry]:
     return _placed(cells, grid.resolution, origin), mirror
 
 
-def bake(grid: GridMap, yaw: float = 0.0) -> GridMap:
+def bake_yaw(grid: GridMap, yaw: float = 0.0) -> GridMap:
     """Turn the cells so that the origin's yaw becomes `yaw`. The world stays."""
     turn = wrap_angle(grid.origin.theta - yaw)
     quarters = round(turn / (math.pi / 2))

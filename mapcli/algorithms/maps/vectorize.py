@@ -10,7 +10,7 @@ from mapcli.algorithms.maps.polygons import Area, world_of_area
 from mapcli.model.grid import GridMap
 from mapcli.model.world import World
 
-CELLS_OFF = 0.5
+TOLERANCE_CELLS = 0.5
 """Default tolerance, in cells: a lone cell and a wall one cell thick keep their shape."""
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 
-OCCUPIED_FROM = 0.5
+OCCUPIED_THRESHOLD = 0.5
 
 _MOST_CELLS = 40_000
 """Wall cells that are looked at; of more, some are left out at even intervals."""
@@ -28,7 +28,7 @@ _LINE_REACH = 2.5
 and to what lies within so many cells of them."""
 
 
-def wall_points(grid: GridMap, low: float = OCCUPIED_FROM) -> NDArray[np.float64]:
+def occupied_points(grid: GridMap, low: float = OCCUPIED_THRESHOLD) -> NDArray[np.float64]:
     """World points of the centres of occupied cells, shape (n, 2), row by row."""
     found = []
     for first, band in _numbered(grid):
@@ -45,7 +45,7 @@ def _numbered(grid: GridMap) -> list[tuple[int, GridMap]]:
     return parts
 
 
-def wall_direction(grid: GridMap, low: float = OCCUPIED_FROM) -> float:
+def wall_direction(grid: GridMap, low: float = OCCUPIED_THRESHOLD) -> float:
     """The angle, radians from -pi/4 to pi/4, by which walls are turned against the world's axes.
 
     At about that angle the walls, seen along themselves, fall into the fewest and fullest lines:
@@ -56,7 +56,7 @@ def wall_direction(grid: GridMap, low: float = OCCUPIED_FROM) -> float:
     Raises:
         DataError: hardly any walls.
     """
-    points = wall_points(grid, low)
+    points = occupied_points(grid, low)
     if len(points) < _FEWEST_CELLS:
         raise DataError(
             f"the map has {len(points)} occupied cells", expected="walls, to find their direction"

@@ -1,8 +1,8 @@
-"""Mowers that know where they are by their wheels, and by tape marks on the lawn (Activity 9.3).
+"""Mowers that localise by odometry and by tape marks on the lawn (Activity 9.3).
 
-A mower steers by where it believes to be. Its wheels count what it wants them to count; what it
-really does differs by the errors of the odometry. When its floor sensor comes upon a tape mark,
-it corrects what it believes (`_kernels.mowing`).
+A mower steers by its pose estimate. Its wheels measure what it wants them to measure; its true
+motion differs by the errors of the odometry. When its floor sensor comes upon a tape mark, the
+estimate is corrected (an extended Kalman filter, `_kernels.mowing`).
 """
 
 from __future__ import annotations
@@ -15,9 +15,15 @@ from itertools import accumulate
 import numpy as np
 import shapely
 
-from mapcli.algorithms.simulation._kernels.mowing import mow_once
+from mapcli.algorithms.simulation._kernels.mowing import (
+    Lawn,
+    RunRecord,
+    Step,
+    WheelErrors,
+    mow_once,
+)
 from mapcli.algorithms.simulation.drive import arc
-from mapcli.algorithms.simulation.sensors import OdometryModel
+from mapcli.algorithms.simulation.sensors import WheelModel
 from mapcli.algorithms.simulation.simulate import START_NS
 from mapcli.errors import DataError
 from mapcli.model.mowing import Floats, Mowing, MowingPlan, MowingRun
@@ -25,12 +31,12 @@ from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Odometry, Record, TruePose
 
 PATIENCE = 3.0
-"""A run is given up after so many times the steps of the planned way: the mower is lost."""
+"""A run is given up after so many times the steps of the planned path: the mower is lost."""
 
 MOST_STEPS = 2_000_000
 
 AS_NOISE = 3.0
-"""How much noise an error is worth that is the same on every metre: after 10 m they are equal."""
+"""Noise per systematic error of the odometry: after 10 m both have the same size."""
 
 CELLS_A_WIDTH = 6
 """Fineness of the raster on which the mown area is measured."""
@@ -46,15 +52,15 @@ class MowerModel:
         turn_rate_deg: degrees per second, on the spot, more than 0. Speeding up takes no time.
     """
 
-    wheels: OdometryModel
+    wheels: WheelModel
     speed: float = 0.5
     turn_rate_deg: float = 60.0
 
     @property
-    def steps(self) -> tuple[float, float]:
-        """Metres and radians between two readings of wheels and floor sensor."""
+    def step(self) -> Step:
+        """The largest step between two readings of wheels and floor sensor."""
         rate = self.wheels.rate
-        return self.speed / rate, math.radians(self.turn_rate_deg) / rate
+        return Step(self.speed / rate, math.radians(self.turn_rate_deg) / rate)
 
 
 def mow(
@@ -88,7 +94,7 @@ def mow(
 
 
 def _most_steps(plan: MowingPlan, mower: MowerModel) -> int:
-    metres, radians = mower.steps
+    metres, radians = mower.step
     steps = PATIENCE * (plan.distance / metres + math.pi * len(plan.waypoints) / radians)
     if not steps <= MOST_STEPS:
         expected = f"at most {MOST_STEPS:,}; a wider lane, a higher speed or a lower rate"
@@ -98,14 +104,13 @@ def _most_steps(plan: MowingPlan, mower: MowerModel) -> int:
 
 def _run(plan: MowingPlan, mower: MowerModel, size: float | None, normals: Floats) -> MowingRun:
     w = mower.wheels
-    wheels = np.array([*w.noise, w.scale, w.turn_scale, math.radians(w.drift_deg)])
-    expected = np.hypot(w.noise, _systematic(w))
-    path, counted = np.empty_like(normals), np.empty_like(normals)
+    errors = WheelErrors(np.array(w.noise), w.scale, w.turn_scale, math.radians(w.drift_deg))
+    assumed_noise = np.hypot(w.noise, _systematic_as_noise(w))
+    lawn = Lawn(plan.waypoints, plan.marks, -1.0 if size is None else float(size))
     seen = np.zeros(len(plan.marks), dtype=np.int64)
-    side = -1.0 if size is None else float(size)
-    tape = plan.waypoints, plan.marks, side, mower.steps
-    count = mow_once(*tape, wheels, expected, normals, path, counted, seen)
-    return MowingRun(path[:count].copy(), counted[: count - 1].copy(), seen)
+    record = RunRecord(np.empty_like(normals), np.empty_like(normals), seen)
+    count = mow_once(lawn, mower.step, errors, assumed_noise, normals, record)
+    return MowingRun(record.path[:count].copy(), record.measured[: count - 1].copy(), seen)
 
 
 def _mown(plan: MowingPlan, path: Floats) -> float:
@@ -136,18 +141,18 @@ def smallest_reliable(mowings: Sequence[Mowing], share: float) -> float | None:
     return found
 
 
-def _systematic(wheels: OdometryModel) -> Floats:
-    """Noise that a mower reckons with for what is wrong with its wheels in every run, in the order
-    of `OdometryModel.noise`: such errors grow with the way, and noise with its root."""
-    turn, way = abs(wheels.turn_scale - 1), abs(wheels.scale - 1)
+def _systematic_as_noise(wheels: WheelModel) -> Floats:
+    """The noise, shape (4,), in the order of `WheelModel.noise`, by which the mower's filter allows
+    for systematic errors: these grow with the distance, noise with its square root."""
+    turn, distance = abs(wheels.turn_scale - 1), abs(wheels.scale - 1)
     drift = abs(math.radians(wheels.drift_deg))
-    return AS_NOISE * np.array([turn, drift, way, 0.0])
+    return AS_NOISE * np.array([turn, drift, distance, 0.0])
 
 
 def mower_log(plan: MowingPlan, run: MowingRun, rate: float) -> Iterator[Record]:
     """A run as a log: odometry from zero on, and true poses."""
     heading = math.atan2(*(plan.waypoints[1] - plan.waypoints[0])[::-1])
-    steps = (arc(float(way), float(turn)) for way, turn in run.counted)
+    steps = (arc(float(distance), float(turn)) for distance, turn in run.measured)
     poses = accumulate(steps, Pose2D.compose, initial=Pose2D())
     ahead = np.diff(run.path, axis=0, append=run.path[-1:])
     for k, (odometry, (x, y), (dx, dy)) in enumerate(zip(poses, run.path, ahead, strict=True)):

@@ -51,7 +51,7 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True)
-class OdometryModel:
+class WheelModel:
     """How wheels measure.
 
     The noise grows with the square root of the way, like a random walk, so that it does not

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.ray_casting import clearance, edges_of, is_inside
 from mapcli.algorithms.simulation.drive import Drive
-from mapcli.algorithms.simulation.sensors import Fault, LaserModel, OdometryModel
+from mapcli.algorithms.simulation.sensors import Fault, LaserModel, WheelModel
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D, wrap_angle
@@ -48,7 +48,7 @@ class Simulation:
 
     world: World | GridMap
     drive: Drive
-    odometry: OdometryModel = field(default_factory=OdometryModel)
+    odometry: WheelModel = field(default_factory=WheelModel)
     laser: LaserModel = field(default_factory=LaserModel)
     seed: int = 0
 

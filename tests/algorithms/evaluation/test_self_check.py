@@ -13,7 +13,7 @@ from mapcli.algorithms.evaluation.self_check import (
     SelfCheckParameters,
     align,
     dense,
-    revisits,
+    revisited_pairs,
     self_check,
 )
 from mapcli.algorithms.scans.perception import PerceptionParameters, perceive
@@ -46,18 +46,22 @@ def test_pairs_are_near_in_space_and_far_apart_along_the_path() -> None:
     heading = [0.0] * 11 + [math.pi] * 11
     poses = np.column_stack([x, np.zeros(22), heading])
     trace = Trajectory(poses, np.arange(22) * 10**9)
-    pairs = revisits(trace, replace(DEFAULTS, near_m=0.5, apart_m=12.0))
+    pairs = revisited_pairs(trace, replace(DEFAULTS, near_m=0.5, apart_m=12.0))
     assert pairs == [(k, 21 - k) for k in (4, 3, 2, 1, 0)]
-    assert len(revisits(trace, replace(DEFAULTS, near_m=0.5, apart_m=12.0, most=2))) == 2
+    assert len(revisited_pairs(trace, replace(DEFAULTS, near_m=0.5, apart_m=12.0, most=2))) == 2
     with pytest.raises(DataError, match="the trace has no times"):
-        revisits(Trajectory(poses), DEFAULTS)
+        revisited_pairs(Trajectory(poses), DEFAULTS)
 
 
 def test_scans_of_one_stamp_cannot_be_told_apart() -> None:
     poses = np.zeros((4, 3))
     poses[:, 0] = (0, 20, 0, 0)
-    assert revisits(Trajectory(poses, np.array([0, 1, 2, 3]) * 10**9), DEFAULTS) == [(0, 2), (0, 3)]
-    assert revisits(Trajectory(poses, np.array([0, 1, 2, 2]) * 10**9), DEFAULTS) == []
+    times = np.array([0, 1, 2, 3]) * 10**9
+    assert revisited_pairs(Trajectory(poses, times), DEFAULTS) == [
+        (0, 2),
+        (0, 3),
+    ]
+    assert revisited_pairs(Trajectory(poses, np.array([0, 1, 2, 2]) * 10**9), DEFAULTS) == []
 
 
 def test_scans_are_aligned_wherever_the_search_begins(

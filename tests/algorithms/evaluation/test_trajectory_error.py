@@ -11,13 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.paths import FIXTURES, SHARED
 
-from mapcli.algorithms.evaluation.relations import compare_relations, poses_at
+from mapcli.algorithms.evaluation.relations import evaluate_relations, poses_at
 from mapcli.algorithms.evaluation.trajectory_error import (
     EvaluateParameters,
-    alignment,
     compare,
-    nearest,
-    pairs_apart,
+    nearest_stamps,
+    rigid_alignment,
+    rpe_pairs,
     within_gaps,
 )
 from mapcli.errors import DataError
@@ -106,13 +106,13 @@ def test_arrays_of_poses_are_as_poses(a: Pose2D, b: Pose2D, fraction: float) -> 
 def test_alignment_undoes_any_motion(motion: Pose2D, points: list[tuple[float, float]]) -> None:
     truth = np.array(points)
     found = motion.inverse().apply(truth)
-    assert np.allclose(alignment(found, truth).apply(found), truth, atol=1e-6)
+    assert np.allclose(rigid_alignment(found, truth).apply(found), truth, atol=1e-6)
 
 
 def test_a_straight_path_is_not_mirrored() -> None:
     truth = np.array([(0, 0), (1, 0.1), (2, 0.0), (3, 0.1), (4, 0)])
     mirrored = truth * (1, -1)
-    left = alignment(mirrored, truth).apply(mirrored) - truth
+    left = rigid_alignment(mirrored, truth).apply(mirrored) - truth
     assert np.hypot(*left.T).max() > 0.1
 
 
@@ -136,10 +136,13 @@ def test_errors_by_hand() -> None:
 
 def test_nearest_stamps() -> None:
     long, short = np.array([0, 10, 20, 30]) * S, np.array([9, 16, 35, 5]) * S
-    assert [x.tolist() for x in nearest(long, short[:1], 1.0)] == [[1], [0]]
-    assert [x.tolist() for x in nearest(short[:3], long, 4.0)] == [[0, 1], [1, 2]]
-    assert [x.tolist() for x in nearest(long, short[3:], 5.0)] == [[0], [0]]  # the earlier of two
-    assert [x.tolist() for x in nearest(long[:1], short[:1], 1.0)] == [[], []]
+    assert [x.tolist() for x in nearest_stamps(long, short[:1], 1.0)] == [[1], [0]]
+    assert [x.tolist() for x in nearest_stamps(short[:3], long, 4.0)] == [[0, 1], [1, 2]]
+    assert [x.tolist() for x in nearest_stamps(long, short[3:], 5.0)] == [
+        [0],
+        [0],
+    ]  # the earlier of two
+    assert [x.tolist() for x in nearest_stamps(long[:1], short[:1], 1.0)] == [[], []]
 
 
 def test_interpolation_bridges_small_gaps_only() -> None:
@@ -172,10 +175,10 @@ def test_without_times_poses_are_compared_by_index() -> None:
 def test_pairs_along_the_path() -> None:
     path = rows(*(Pose2D(x) for x in (0, 0.6, 1.2, 1.3, 2.5, 2.6, 9)))
     for delta, unit, ends in ((2, "f", [0, 2, 4, 6]), (1, "m", [0, 2, 4, 6]), (5, "m", [0, 6])):
-        first, second = pairs_apart(path, EvaluateParameters(delta=delta, delta_unit=unit))
+        first, second = rpe_pairs(path, EvaluateParameters(delta=delta, delta_unit=unit))
         assert [*first, second[-1]] == ends
     with pytest.raises(DataError, match="no two poses are 10 m apart; expected a smaller --delta"):
-        pairs_apart(path, EvaluateParameters(delta=10, delta_unit="m"))
+        rpe_pairs(path, EvaluateParameters(delta=10, delta_unit="m"))
 
 
 def test_limits_know_every_number() -> None:
@@ -198,7 +201,7 @@ PATH = trajectory((0, 0, 0, 0), (1, 1, 0, math.pi / 2), (3, 1, 2, math.pi / 2))
 
 def test_relations_by_hand() -> None:
     measured = relations((0, 1, 1, 0.5, math.pi / 2), (3, 1, -2, 0, 0.1), (1, 4, 0, 0, 0))
-    evaluation = compare_relations(PATH, measured)
+    evaluation = evaluate_relations(PATH, measured)
     errors = evaluation.errors["relations"]
     assert (evaluation.matched, evaluation.total) == (2, 3)  # the third ends after the trace
     assert errors.metres == pytest.approx([0.5, 0])
@@ -219,9 +222,9 @@ def test_between_scans_the_odometry_carries_on() -> None:
 
 def test_relations_of_another_log() -> None:
     with pytest.raises(DataError, match="covers none of 1 relation: it has 3 poses from"):
-        compare_relations(PATH, relations((7, 9, 0, 0, 0)))
+        evaluate_relations(PATH, relations((7, 9, 0, 0, 0)))
     with pytest.raises(DataError, match="the trace has no times"):
-        compare_relations(Trajectory(PATH.poses), relations((0, 1, 0, 0, 0)))
+        evaluate_relations(Trajectory(PATH.poses), relations((0, 1, 0, 0, 0)))
 
 
 @pytest.mark.skipif(not DATASETS.exists(), reason="needs the real logs")
@@ -241,5 +244,5 @@ def test_the_relations_of_a_real_log() -> None:
         left = Pose2D(*row).between(by_stamp[int(start)].between(by_stamp[int(end)]))
         expected.append(math.hypot(left.x, left.y))
     for odometry in (None, trace):
-        errors = compare_relations(trace, measured, odometry).errors["relations"]
+        errors = evaluate_relations(trace, measured, odometry).errors["relations"]
         assert errors.metres == pytest.approx(expected, abs=1e-9)

@@ -11,15 +11,15 @@ import pytest
 
 from mapcli.algorithms.maps.compare import compare
 from mapcli.algorithms.maps.registration import score
-from mapcli.algorithms.maps.transform import bake, merge, move, resample, rotate
-from mapcli.algorithms.maps.wall_direction import wall_points
+from mapcli.algorithms.maps.transform import bake_yaw, merge, move, resample, rotate
+from mapcli.algorithms.maps.wall_direction import occupied_points
 from mapcli.formats.maps.dump import SaveOptions, dump_map
 from mapcli.formats.maps.load import load_map
 from mapcli.formats.maps.losses import losses
 from mapcli.model.grid import GridMap, crop_to_known
 from mapcli.model.pose import Pose2D
 from mapcli.pictures.difference import difference_picture
-from mapcli.pictures.plan_view import plan_pixels, view_of
+from mapcli.pictures.map_window import map_pixels, window_of
 
 RNG = np.random.default_rng(5)
 PERCENTS = GridMap(RNG.choice([0, 30, 50, 100, 255], (23, 17)).astype(np.uint8), 0.1, Pose2D(1, 2))
@@ -36,8 +36,8 @@ def written_and_read(grid: GridMap, name: str, **options: Any) -> tuple[Any, ...
 
 
 def picture(grid: GridMap, scale: int | None) -> bytes:
-    view = view_of(grid, scale=scale)
-    return plan_pixels(view).tobytes()
+    view = window_of(grid, scale=scale)
+    return map_pixels(view).tobytes()
 
 
 RUNS: dict[str, Callable[[GridMap], Any]] = {
@@ -48,11 +48,11 @@ RUNS: dict[str, Callable[[GridMap], Any]] = {
     "scale": lambda grid: written_and_read(grid, "m.yaml", mode="scale"),
     "raw": lambda grid: written_and_read(grid, "m.png", mode="raw"),
     "plain": lambda grid: written_and_read(grid, "m.pgm", plain=True, bits=16),
-    "baked": lambda grid: bake(move(grid, Pose2D(0, 0, 0.4))[0]).cells.tobytes(),
+    "baked": lambda grid: bake_yaw(move(grid, Pose2D(0, 0, 0.4))[0]).cells.tobytes(),
     "turned": lambda grid: rotate(grid, math.pi / 2)[0].cells.tobytes(),
     "resampled": lambda grid: resample(grid, 0.23).cells.tobytes(),
     "merged": lambda grid: merge(grid, OTHER).cells.tobytes(),
-    "walls": lambda grid: wall_points(grid).tobytes(),
+    "walls": lambda grid: occupied_points(grid).tobytes(),
     "scored": lambda grid: score(grid, OTHER, Pose2D()),
     "compared": lambda grid: compare(grid, OTHER)[1].tobytes(),
     "drawn": lambda grid: picture(grid, 3),
@@ -70,7 +70,7 @@ def test_the_same_in_bands(name: str, grid: GridMap, monkeypatch: pytest.MonkeyP
 
 
 def test_reduced_pictures_in_bands(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mapcli.pictures.plan_view.LARGEST_SIDE", 7)
+    monkeypatch.setattr("mapcli.pictures.map_window.LARGEST_SIDE", 7)
     monkeypatch.setattr("mapcli.pictures.difference._LARGEST_SIDE", 7)
     pairs = RNG.integers(0, 9, (23, 17)).astype(np.uint8)
     plan, difference = picture(PERCENTS, None), difference_picture(pairs, ("a", "b"))

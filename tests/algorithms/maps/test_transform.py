@@ -13,15 +13,15 @@ from hypothesis.extra import numpy as hnp
 
 from mapcli.algorithms.maps.registration import register
 from mapcli.algorithms.maps.transform import (
-    bake,
+    bake_yaw,
     crop_to_box,
     flip,
     merge,
     move,
-    place,
     resample,
     rotate,
     sampled,
+    set_origin,
     shift,
 )
 from mapcli.algorithms.maps.wall_direction import wall_direction
@@ -94,7 +94,7 @@ def test_motions_take_every_cell_along(grid: GridMap, degrees: float, side: Any)
     assert_moved(grid, *rotate(grid, math.radians(degrees)))
     assert_moved(grid, *flip(grid, side))
     assert_moved(grid, *shift(grid, 1.25, -3.5))
-    moved, motion = place(grid, Pose2D(1, 2, 0.7))
+    moved, motion = set_origin(grid, Pose2D(1, 2, 0.7))
     assert moved.origin == Pose2D(1, 2, 0.7)
     assert_moved(grid, moved, motion)
     twice, second = flip(moved, side)
@@ -104,14 +104,14 @@ def test_motions_take_every_cell_along(grid: GridMap, degrees: float, side: Any)
 @given(grid=MAPS, quarters=st.integers(-2, 2))
 def test_baking_quarter_turns_is_exact(grid: GridMap, quarters: int) -> None:
     origin = Pose2D(grid.origin.x, grid.origin.y, quarters * math.pi / 2)
-    upright = bake(GridMap(grid.stored, grid.resolution, origin))
+    upright = bake_yaw(GridMap(grid.stored, grid.resolution, origin))
     assert upright.origin.theta == 0
     assert_moved(GridMap(grid.stored, grid.resolution, origin), upright, Isometry())
 
 
 @given(grid=MAPS)
 def test_baking_any_yaw_looks_cells_up_at_their_centres(grid: GridMap) -> None:
-    upright = bake(grid)
+    upright = bake_yaw(grid)
     assert upright.origin.theta == 0
     found = looked_up(grid, centres(upright) + 1e-12)
     outside = found == -1
@@ -211,7 +211,7 @@ def test_no_walls_no_direction() -> None:
 )
 def test_a_part_is_found_wherever_it_is(motion: Pose2D) -> None:
     part = crop_to_box(room(), -1, -2, 7.5, 5)
-    found = register(room(), bake(move(part, motion.inverse())[0]))
+    found = register(room(), bake_yaw(move(part, motion.inverse())[0]))
     error = motion.between(found.motion)
     assert math.hypot(error.x, error.y) < 0.03
     assert abs(error.theta) < 0.005

@@ -1,4 +1,4 @@
-"""Lawnmowers (Activity 9.3): plans, the filter behind the landmarks, many runs, the report."""
+"""Lawnmowers (Activity 9.3): plans, the Kalman filter with landmarks, many runs, the report."""
 
 from __future__ import annotations
 
@@ -11,18 +11,22 @@ import pytest
 from mcap.reader import make_reader
 
 from mapcli.algorithms.simulation._kernels.mowing import (
+    Lawn,
+    RunRecord,
+    Step,
+    WheelErrors,
     correct,
-    cut_off,
-    driven,
     mark_under,
     mow_once,
-    spread,
+    predict_covariance,
     steer,
-    truncated,
+    true_motion,
+    truncate_axis,
+    truncated_gaussian,
 )
 from mapcli.algorithms.simulation.mowing import MowerModel, mow, smallest_reliable
 from mapcli.algorithms.simulation.mowing_plan import plan_mowing
-from mapcli.algorithms.simulation.sensors import OdometryModel
+from mapcli.algorithms.simulation.sensors import WheelModel
 from mapcli.cli import main
 from mapcli.errors import DataError
 from mapcli.model.mowing import Mowing
@@ -30,7 +34,7 @@ from mapcli.model.pose import Pose2D
 from mapcli.model.world import World
 
 LAWN = World.of([[[0, 0], [4, 0], [4, 2], [0, 2]]])
-EXACT = OdometryModel(noise=(0, 0, 0, 0))
+EXACT = WheelModel(noise=(0, 0, 0, 0))
 USUAL = np.array([0.02, 0.02, 0.02, 0.005])
 
 
@@ -82,19 +86,19 @@ def test_lawns_that_are_none(world: World, width: float, message: str) -> None:
 
 
 def test_steering() -> None:
-    steps = (0.1, 0.05)
+    step = Step(0.1, 0.05)
     pose = np.array([0.0, 0.0, 0.0])
-    assert steer(pose, np.array([2.0, 0.0]), steps) == (0.1, 0, False)
-    assert steer(pose, np.array([0.0, -2.0]), steps) == (0, -0.05, False)  # on the spot
-    assert steer(pose, np.array([0.07, 0.0]), steps) == (0.07, 0, True)
-    assert steer(pose, pose[:2], steps) == (0, 0, True)
+    assert steer(pose, np.array([2.0, 0.0]), step) == (0.1, 0, False)
+    assert steer(pose, np.array([0.0, -2.0]), step) == (0, -0.05, False)  # on the spot
+    assert steer(pose, np.array([0.07, 0.0]), step) == (0.07, 0, True)
+    assert steer(pose, pose[:2], step) == (0, 0, True)
 
 
 def test_what_robots_do_is_what_wheels_measure_the_other_way_round() -> None:
-    model = OdometryModel(noise=(0, 0, 0, 0), scale=1.1, turn_scale=0.9, drift_deg=3)
-    wheels = np.array([0, 0, 0, 0, 1.1, 0.9, math.radians(3)])
-    way, turn = driven(0.4, 0.2, wheels, np.zeros(2))
-    back = model.measured(Pose2D(way, 0, turn), np.random.default_rng(0))
+    model = WheelModel(noise=(0, 0, 0, 0), scale=1.1, turn_scale=0.9, drift_deg=3)
+    wheels = WheelErrors(np.zeros(4), 1.1, 0.9, math.radians(3))
+    distance, turn = true_motion(0.4, 0.2, wheels, np.zeros(2))
+    back = model.measured(Pose2D(distance, 0, turn), np.random.default_rng(0))
     assert (back.x, back.theta) == pytest.approx((0.4, 0.2))
 
 
@@ -104,7 +108,7 @@ def test_the_covariance_is_that_of_many_runs() -> None:
     poses, covariance, heading = np.zeros((count, 3)), np.zeros((3, 3)), 0.0
     for _ in range(steps):
         way, turn = 0.1, 0.02
-        spread(covariance, heading + turn / 2, way, turn, USUAL)
+        predict_covariance(covariance, heading + turn / 2, way, turn, USUAL)
         heading += turn
         ways = way + math.sqrt(0.02**2 * way + 0.005**2 * turn) * rng.standard_normal(count)
         turns = turn + math.sqrt(0.02**2 * (way + turn)) * rng.standard_normal(count)
@@ -117,36 +121,36 @@ def test_the_covariance_is_that_of_many_runs() -> None:
     ("mean", "sigma", "low", "high"),
     [(0.0, 1.0, -1.0, 2.0), (0.3, 0.5, 0.9, 1.1), (5.0, 2.0, 0.0, 1.0), (0.5, 10.0, 0.0, 1.0)],
 )
-def test_a_gaussian_cut_off(mean: float, sigma: float, low: float, high: float) -> None:
+def test_a_truncated_gaussian(mean: float, sigma: float, low: float, high: float) -> None:
     x = np.linspace(low, high, 200_001)
     density = np.exp(-(((x - mean) / sigma) ** 2) / 2)
     density /= density.sum()
     expected = float((x * density).sum())
     variance = float(((x - expected) ** 2 * density).sum())
-    cut, share = truncated(mean, sigma, low, high)
+    cut, share = truncated_gaussian(mean, sigma, low, high)
     assert cut == pytest.approx(expected, abs=1e-4)
     assert share * sigma**2 == pytest.approx(variance, rel=2e-2)
 
 
 def test_far_out_and_narrow_bounds_give_their_nearest_point() -> None:
-    assert truncated(0.0, 0.1, 5.0, 6.0)[0] == 5
-    assert truncated(0.0, 1e6, 5.0, 6.0)[0] == 5
-    believed, covariance = np.zeros(3), np.zeros((3, 3))
-    cut_off(believed, covariance, 0, 5.0, 6.0)  # it knows for sure where it is
-    assert believed.tolist() == [0, 0, 0]
+    assert truncated_gaussian(0.0, 0.1, 5.0, 6.0)[0] == 5
+    assert truncated_gaussian(0.0, 1e6, 5.0, 6.0)[0] == 5
+    estimate, covariance = np.zeros(3), np.zeros((3, 3))
+    truncate_axis(estimate, covariance, 0, 5.0, 6.0)  # it knows for sure where it is
+    assert estimate.tolist() == [0, 0, 0]
 
 
 def test_a_mark_corrects_position_and_heading() -> None:
     covariance = np.zeros((3, 3))
     for _ in range(200):  # 5 m east
-        spread(covariance, 0.0, 0.025, 0.0, USUAL)
-    believed = np.array([5.0, 0.0, 0.0])
+        predict_covariance(covariance, 0.0, 0.025, 0.0, USUAL)
+    estimate = np.array([5.0, 0.0, 0.0])
     before = covariance.copy()
-    correct(believed, covariance, np.array([5.15, 0.3]), 0.2, 0.025)
+    correct(estimate, covariance, np.array([5.15, 0.3]), 0.2, 0.025)
     # It came over the western edge, 5.05, and is between 0.2 and 0.4 north.
-    assert believed[0] == pytest.approx(5.05, abs=0.025)
-    assert 0.2 <= believed[1] <= 0.4
-    assert believed[2] > 0.02  # so it had turned left
+    assert estimate[0] == pytest.approx(5.05, abs=0.025)
+    assert 0.2 <= estimate[1] <= 0.4
+    assert estimate[2] > 0.02  # so it had turned left
     assert (np.diag(covariance) < np.diag(before)).all()
     assert np.linalg.eigvalsh(covariance).min() > -1e-9
 
@@ -161,13 +165,13 @@ def test_marks_under_a_robot() -> None:
 def test_compiled_and_plain_runs_are_the_same() -> None:
     plan = plan_mowing(LAWN, 1.0, 4)
     normals = np.random.default_rng(2).standard_normal((600, 2))
-    wheels = np.array([*USUAL, 1, 1, 0])
+    wheels = WheelErrors(USUAL, 1.0, 1.0, 0.0)
     results = []
     for function in (mow_once, mow_once.py_func):
-        path, counted, seen = np.zeros((600, 2)), np.zeros((600, 2)), np.zeros(4, dtype=np.int64)
-        tape = plan.waypoints, plan.marks, 0.3, (0.05, 0.1)
-        count = function(*tape, wheels, USUAL, normals, path, counted, seen)
-        results.append((count, path[:count], seen.tolist()))
+        record = RunRecord(np.zeros((600, 2)), np.zeros((600, 2)), np.zeros(4, dtype=np.int64))
+        lawn = Lawn(plan.waypoints, plan.marks, 0.3)
+        count = function(lawn, Step(0.05, 0.1), wheels, USUAL, normals, record)
+        results.append((count, record.path[:count], record.seen.tolist()))
     assert results[0][0] == results[1][0] < 600
     assert results[0][2] == results[1][2]
     np.testing.assert_allclose(results[0][1], results[1][1], atol=1e-9)
@@ -176,7 +180,7 @@ def test_compiled_and_plain_runs_are_the_same() -> None:
 # --- many runs
 
 
-def sent(wheels: OdometryModel, size: float | None = None, runs: int = 20, seed: int = 0) -> Mowing:
+def sent(wheels: WheelModel, size: float | None = None, runs: int = 20, seed: int = 0) -> Mowing:
     plan = plan_mowing(LAWN, 0.5, 0 if size is None else 8)
     return mow(plan, MowerModel(wheels), size, runs, seed)
 
@@ -185,28 +189,28 @@ def test_exact_wheels_come_home_and_cut_all() -> None:
     mowing = sent(EXACT, runs=2)
     assert mowing.distances.max() < 1e-6
     assert mowing.mown.min() > 0.98
-    assert mowing.common_share == 0
+    assert mowing.systematic_share == 0
     assert mowing.detected is None
 
 
 def test_runs_depend_on_the_seed_and_their_number_only() -> None:
-    wheels = OdometryModel()
+    wheels = WheelModel()
     few, many = sent(wheels, runs=3), sent(wheels, runs=5)
-    assert (few.misses == many.misses[:3]).all()
-    assert (few.misses != sent(wheels, runs=3, seed=1).misses).all()
+    assert (few.end_errors == many.end_errors[:3]).all()
+    assert (few.end_errors != sent(wheels, runs=3, seed=1).end_errors).all()
 
 
 def test_noise_differs_from_run_to_run_and_drift_does_not() -> None:
-    noise = sent(OdometryModel(), runs=40)
-    assert noise.common_share < 0.3
+    noise = sent(WheelModel(), runs=40)
+    assert noise.systematic_share < 0.3
     assert noise.distances.mean() > 0.1
-    drift = sent(OdometryModel(noise=(0.001,) * 4, drift_deg=1))
-    assert drift.common_share > 0.95
-    assert drift.spread < 0.2 * drift.distances.mean()
+    drift = sent(WheelModel(noise=(0.001,) * 4, drift_deg=1))
+    assert drift.systematic_share > 0.95
+    assert drift.scatter < 0.2 * drift.distances.mean()
 
 
 def test_landmarks_bring_mowers_home() -> None:
-    wheels = OdometryModel(noise=(0.04, 0.04, 0.04, 0.01))
+    wheels = WheelModel(noise=(0.04, 0.04, 0.04, 0.01))
     alone, marked = sent(wheels, runs=40), sent(wheels, 0.4, runs=40)
     assert marked.distances.mean() < 0.5 * alone.distances.mean()
     assert marked.mown.mean() > alone.mown.mean()

@@ -66,7 +66,7 @@ def round_length(metres: float) -> float:
     return max(step * power for step in (1, 2, 5) if step * power <= metres * (1 + 1e-9))
 
 
-def stamp_line(
+def draw_line(
     pixels: NDArray[np.uint8],
     points: NDArray[np.float64],
     colours: NDArray[np.float64],
@@ -160,7 +160,7 @@ def _disc(radius: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return right[near], down[near]
 
 
-def smooth_shape(
+def draw_antialiased(
     image: Image.Image,
     box: tuple[float, float, float, float],
     draw: Callable[[ImageDraw.ImageDraw, Callable[[float, float], tuple[float, float]]], None],
@@ -184,7 +184,7 @@ def smooth_shape(
     image.paste(large.reduce(_SHARPER), (left, top))
 
 
-def smooth_polygon(
+def draw_polygon(
     image: Image.Image, corners: Sequence[tuple[float, float]], fill: Colour, edge: Colour,
     width: float,
 ) -> None:  # fmt: skip
@@ -202,10 +202,10 @@ def smooth_polygon(
             )
 
     pad = width + 1
-    smooth_shape(image, (min(xs) - pad, min(ys) - pad, max(xs) + pad, max(ys) + pad), shape)
+    draw_antialiased(image, (min(xs) - pad, min(ys) - pad, max(xs) + pad, max(ys) + pad), shape)
 
 
-def smooth_disc(
+def draw_disc(
     image: Image.Image, x: float, y: float, radius: float, fill: Colour, edge: Colour, width: float
 ) -> None:
     """A filled circle with an outline inside it."""
@@ -217,7 +217,7 @@ def smooth_disc(
         canvas.ellipse(box, fill=fill, outline=edge, width=round(width * _SHARPER))
 
     pad = radius + 1
-    smooth_shape(image, (x - pad, y - pad, x + pad, y + pad), shape)
+    draw_antialiased(image, (x - pad, y - pad, x + pad, y + pad), shape)
 
 
 def arrow_head(x: float, y: float, direction: float, size: float) -> list[tuple[float, float]]:

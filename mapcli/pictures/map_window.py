@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mapcli.model.grid import GridMap, bands
-from mapcli.pictures.canvas import INK, UNKNOWN, WHITE
+from mapcli.pictures.drawing import INK, UNKNOWN, WHITE
 
 USUAL_SIDE, LARGEST_SIDE = 1600, 4000
 """Pixels of a plan's longer side: what is aimed at, and where reducing begins."""
@@ -19,7 +19,7 @@ LARGEST_CELL = 48
 
 
 @dataclass(frozen=True, eq=False)
-class PlanView:
+class MapWindow:
     """Which cells a plan shows, and where on the picture.
 
     Attributes:
@@ -59,10 +59,10 @@ class PlanView:
         return self.pixels_of_cells(self.grid.fractional_cells_of_world(points))
 
 
-def view_of(
+def window_of(
     grid: GridMap, path: NDArray[np.float64] | None = None, *, scale: int | None = None,
     crop: bool = True,
-) -> PlanView:  # fmt: skip
+) -> MapWindow:  # fmt: skip
     """The window on what is known and on the path, with a margin; `scale` is pixels per cell."""
     top, left, bottom, right = _window(grid, path) if crop else (0, 0, grid.rows, grid.columns)
     longer = max(bottom - top, right - left)
@@ -72,7 +72,7 @@ def view_of(
         zoom = 1.0 / math.ceil(longer / LARGEST_SIDE)
     else:
         zoom = float(min(max(round(USUAL_SIDE / longer), 1), LARGEST_CELL))
-    return PlanView(grid, top, left, bottom - top, right - left, zoom)
+    return MapWindow(grid, top, left, bottom - top, right - left, zoom)
 
 
 def _window(grid: GridMap, path: NDArray[np.float64] | None) -> tuple[int, int, int, int]:
@@ -96,7 +96,7 @@ def _window(grid: GridMap, path: NDArray[np.float64] | None) -> tuple[int, int, 
     )
 
 
-def plan_pixels(view: PlanView) -> NDArray[np.uint8]:
+def map_pixels(view: MapWindow) -> NDArray[np.uint8]:
     """The cells of a view as colours, shape (height, width, 3); walls survive reducing."""
     factor = max(round(1 / view.zoom), 1)
     lines = -(-view.rows // factor)
@@ -111,7 +111,7 @@ def plan_pixels(view: PlanView) -> NDArray[np.uint8]:
     return colours
 
 
-def _shown_cells(view: PlanView, first: int, last: int) -> NDArray[np.float32]:
+def _shown_cells(view: MapWindow, first: int, last: int) -> NDArray[np.float32]:
     """The cells of the window's rows from `first` to before `last`, shape (rows, columns);
     outside the map they are unknown."""
     shown = np.full((last - first, view.columns), np.nan, dtype=np.float32)

@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from mapcli.model.exploration import CoverageCurve
-from mapcli.pictures.canvas import (
+from mapcli.pictures.drawing import (
     FAINT_INK,
     FAINT_LINE,
     WHITE,
+    draw_disc,
+    draw_line,
     draw_x_scale,
     label,
     png_bytes,
-    smooth_disc,
-    stamp_line,
 )
 from mapcli.pictures.exploration import colours_of, robot_colour
 
@@ -28,7 +28,7 @@ LEFT, TOP, RIGHT, BOTTOM = 110, 40, 1160, 620
 MOST_POINTS = 2000
 
 
-def draw_curve(curves: Mapping[str, CoverageCurve]) -> bytes:
+def coverage_plot(curves: Mapping[str, CoverageCurve]) -> bytes:
     """A PNG with a line for each strategy: metres to the right, coverage up."""
     longest = max((float(curve.distance_m[-1]) for curve in curves.values()), default=0.0) or 1.0
     image = Image.new("RGB", SIZE, WHITE)
@@ -36,7 +36,7 @@ def draw_curve(curves: Mapping[str, CoverageCurve]) -> bytes:
     pixels = np.array(image)
     for k, curve in enumerate(curves.values()):
         points = _points(curve, longest)
-        stamp_line(pixels, points, colours_of(k, len(points)), 2.2)
+        draw_line(pixels, points, colours_of(k, len(points)), 2.2)
     image = Image.fromarray(pixels)
     _draw_legend(image, curves)
     return png_bytes(image)
@@ -67,5 +67,5 @@ def _draw_legend(image: Image.Image, curves: Mapping[str, CoverageCurve]) -> Non
     for k, (strategy, curve) in enumerate(curves.items()):
         y = BOTTOM - 30 - 34 * (len(curves) - 1 - k)
         text = f"{strategy}: {curve.coverage[-1]:.1%} after {curve.distance_m[-1]:,.6g} m"
-        smooth_disc(image, RIGHT - 440, y, 8, robot_colour(k), robot_colour(k), 0)
+        draw_disc(image, RIGHT - 440, y, 8, robot_colour(k), robot_colour(k), 0)
         label(image, RIGHT - 420, y, text, 22, anchor="lm")
