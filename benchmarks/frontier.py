@@ -26,11 +26,11 @@ from typing import IO, NamedTuple
 import numpy as np
 from data import find_maps
 
-from mapcli.algorithms.exploration.exploration_parameters import ExploreParameters
+from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
 from mapcli.algorithms.exploration.explore import explore
 from mapcli.formats.maps.dump import SaveOptions, dump_map
 from mapcli.formats.maps.load import load_map
-from mapcli.model.exploration_replay import Replay
+from mapcli.model.exploration_replay import ExplorationReplay
 from mapcli.model.grid import GridMap
 
 FIXTURES = Path(__file__).parent.parent / "fixtures"
@@ -175,9 +175,13 @@ def literal(maps: Path) -> None:
     world = load_map(maps / "depot.yaml").grid
     (start,) = map(tuple, world.cells_of_world([(0.0, 0.0)]).tolist())
     began = time.perf_counter()
-    ours = explore(world, [start], ExploreParameters())
+    ours = explore(world, [start], ExplorationParameters())
     print(f"ours: {time.perf_counter() - began:.2f} s for {len(ours.steps):,} steps")
-    replay, moments, seconds = Replay(ours), np.linspace(1, len(ours.steps) - 3, 8, dtype=int), []
+    replay, moments, seconds = (
+        ExplorationReplay(ours),
+        np.linspace(1, len(ours.steps) - 3, 8, dtype=int),
+        [],
+    )
     for moment in moments.tolist():
         replay.advance(moment)
         at = ours.steps[moment].origin

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import click
 
-from mapcli.algorithms.exploration.exploration_parameters import ExploreParameters
+from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
 from mapcli.commands._output import check_outputs, write_bytes, write_files
 from mapcli.model.exploration import Exploration, coverage_curve
 from mapcli.model.grid import GridMap
 
-Runs = Mapping[ExploreParameters, Exploration]
+Runs = Mapping[ExplorationParameters, Exploration]
 """One exploration for each strategy."""
 
 SUFFIXES = {
@@ -129,7 +129,7 @@ def contents(
     option: str,
     file: str,
     exploration: Exploration,
-    parameters: ExploreParameters,
+    parameters: ExplorationParameters,
     inputs: Mapping[str, str],
 ) -> dict[str, bytes]:
     """The files of one exploration for one option: name -> content."""

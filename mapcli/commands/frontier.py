@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.exploration.exploration_parameters import STRATEGIES, ExploreParameters
+from mapcli.algorithms.exploration.exploration_parameters import STRATEGIES, ExplorationParameters
 from mapcli.algorithms.exploration.explore import KnownMapError, explore
 from mapcli.algorithms.exploration.explore import plan as plan_goals
 from mapcli.algorithms.exploration.runner import is_large
@@ -41,7 +41,7 @@ from mapcli.errors import DataError
 from mapcli.model.exploration import Exploration
 from mapcli.model.grid import GridMap
 
-USUAL = ExploreParameters()
+USUAL = ExplorationParameters()
 
 
 @click.command(short_help="Explore a map with Algorithm 9.1.")
@@ -105,7 +105,7 @@ def command(
     chosen = tuple(dict.fromkeys(strategies))
     check_frontier_outputs(outputs, chosen, (world, known), plan=plan, no_clobber=no_clobber)
     mission = load_mission(world, known, cells, points, dialect, quiet=quiet)
-    usual = ExploreParameters(connectivity=8 if connectivity == "8" else 4, **parameters)
+    usual = ExplorationParameters(connectivity=8 if connectivity == "8" else 4, **parameters)
     if not quiet:
         warn_about_known(mission, usual.low)
     runs = {}
@@ -120,7 +120,7 @@ def command(
 
 
 def explored(
-    mission: Mission, parameters: ExploreParameters, *, plan: bool, quiet: bool
+    mission: Mission, parameters: ExplorationParameters, *, plan: bool, quiet: bool
 ) -> Exploration:
     """Explore, or plan, with a progress bar on a terminal; errors name the map at fault.
 
@@ -142,7 +142,7 @@ def explored(
 
 @contextmanager
 def coverage_bar(
-    world: GridMap, parameters: ExploreParameters, *, quiet: bool
+    world: GridMap, parameters: ExplorationParameters, *, quiet: bool
 ) -> Iterator[Callable[[float], None]]:
     """A bar on stderr that is given the coverage now and then, for what may take a while."""
     if quiet or not sys.stderr.isatty() or not is_large(world, parameters):

@@ -9,7 +9,7 @@ from mapcli.model.exploration import Cell, Exploration, between
 from mapcli.model.grid import GridMap
 
 
-class Replay:
+class ExplorationReplay:
     """An exploration at one of its moments; `advance` moves on (changes this object).
 
     Attributes:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from mapcli.model.exploration import Exploration, cells_before
-from mapcli.model.exploration_replay import Replay
+from mapcli.model.exploration_replay import ExplorationReplay
 from mapcli.pictures.book_figure import book_image
 from mapcli.pictures.drawing import FAINT_INK, WHITE, draw_disc, label
 from mapcli.pictures.exploration import (
@@ -75,7 +75,7 @@ def frames(
     exploration: Exploration, draw: BookFrames | PlanFrames, moments: NDArray[np.intp]
 ) -> Iterator[Image.Image]:
     """A picture after so many steps, for each moment."""
-    replay = Replay(exploration)
+    replay = ExplorationReplay(exploration)
     for moment in moments.tolist():
         replay.advance(moment)
         yield draw.frame(replay)
@@ -87,7 +87,7 @@ class BookFrames:
     def __init__(self, low: float) -> None:
         self.low = low
 
-    def frame(self, replay: Replay) -> Image.Image:
+    def frame(self, replay: ExplorationReplay) -> Image.Image:
         grid = replay.grid
         longer = max(grid.rows, grid.columns)
         labels = longer <= LABELLED_SIDE
@@ -120,7 +120,7 @@ class PlanFrames:
         self.colours = palette[of_moves % len(palette)]
         self.ways = np.zeros((self.view.height, self.view.width, 3), dtype=np.uint8)
 
-    def frame(self, replay: Replay) -> Image.Image:
+    def frame(self, replay: ExplorationReplay) -> Image.Image:
         shown = replace(self.view, grid=replay.grid)
         pixels = map_pixels(shown)
         self.draw_moves(replay.moved)
@@ -142,7 +142,7 @@ class PlanFrames:
             self.ways[y, x] = self.colours[moves]
 
 
-def captioned(image: Image.Image, replay: Replay, size: int) -> Image.Image:
+def captioned(image: Image.Image, replay: ExplorationReplay, size: int) -> Image.Image:
     """The picture with a line below that says where in the exploration it is."""
     steps = replay.exploration.steps
     time = int(steps.time[replay.done - 1]) if replay.done else 0

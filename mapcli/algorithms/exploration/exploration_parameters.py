@@ -1,4 +1,4 @@
-"""How robots explore: what `explore` is asked for."""
+"""How robots explore: strategy, sensor, body and limits."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ STRATEGIES: tuple[Strategy, ...] = get_args(Strategy)
 
 
 @dataclass(frozen=True)
-class ExploreParameters:
+class ExplorationParameters:
     """How robots explore.
 
     Attributes:
-        strategy: which frontier cell comes next, see `goals.py`.
+        strategy: which frontier cell comes next, see `goal_selection`.
         low: a known cell is open when its probability is below this, in (0, 1].
-        sensor_range: cells; 1 is the eight neighbours, more is what can be seen, see `sensing.py`.
+        sensor_range: cells; 1 is the eight neighbours, more is the field of view, see
+            `field_of_view`.
         connectivity: 4 or 8 neighbours to move to.
         robot_radius: metres; 0 is a point.
         max_steps, max_distance: of all robots together; metres, the way home not counted.
@@ -51,8 +52,8 @@ class ExploreParameters:
             ("max distance", metres, metres is None or metres >= 0, "0 m or more"),
             ("coverage", share, share is None or 0 < share <= 1, "more than 0 and at most 1"),
         )
-        for name, value, fine, expected in ranges:
+        for name, value, fine, expected_gain in ranges:
             if not fine:
-                raise DataError(f"{name} {value:g}", expected=expected)
+                raise DataError(f"{name} {value:g}", expected=expected_gain)
         if self.strategy not in STRATEGIES:
             raise DataError(f"strategy {self.strategy!r}", expected=", ".join(STRATEGIES))

@@ -43,10 +43,10 @@ BLOCK = 16
 """Rows and columns of a block of cells."""
 
 FRONTIER_SIZE, KNOWN_CELLS, KNOWN_EXPLORABLE, CONTRADICTED = range(4)
-"""Places in `Field.counts`."""
+"""Places in `ExplorationState.counts`."""
 
 
-class Field(NamedTuple):
+class ExplorationState(NamedTuple):
     """What the robots share (its arrays change as they explore).
 
     Attributes:
@@ -55,7 +55,7 @@ class Field(NamedTuple):
         known, grid: the same as far as it is known.
         frontier: 1 where the cell is a frontier cell (uint8).
         blocks: how many frontier cells each block of BLOCK x BLOCK cells has (int32).
-        crowded: known obstacles that a robot on the cell would touch (int32).
+        inflated: known obstacles that a robot on the cell would touch (int32).
         explorable: 1 where the cell counts for the coverage (uint8).
         disc_rows, disc_columns: offsets of the obstacles that a robot would touch (int32).
         moves: index offsets of the moves, straight ones first, each kind sorted (int64).
@@ -71,7 +71,7 @@ class Field(NamedTuple):
     grid: Reals
     frontier: Cells
     blocks: Cells
-    crowded: Cells
+    inflated: Cells
     explorable: Cells
     disc_rows: Cells
     disc_columns: Cells
@@ -79,42 +79,42 @@ class Field(NamedTuple):
     counts: Cells
 
 
-def learn(field: Field, cell: int) -> bool:
+def learn(state: ExplorationState, cell: int) -> bool:
     """Line 12: mark grid(cell) with what was sensed. True when that changed anything.
 
     The world wins over what was believed; a cell that the world does not know stays as it is.
     """
-    before, found = field.known[cell], field.world[cell]
+    before, found = state.known[cell], state.world[cell]
     if found == UNKNOWABLE:
         if before == UNKNOWN:
-            field.known[cell] = UNKNOWABLE
+            state.known[cell] = UNKNOWABLE
         return before == UNKNOWN
-    if before == found and field.grid[cell] == field.truth[cell]:
+    if before == found and state.grid[cell] == state.truth[cell]:
         return False
-    field.known[cell] = found
-    field.grid[cell] = field.truth[cell]
+    state.known[cell] = found
+    state.grid[cell] = state.truth[cell]
     if before in (UNKNOWN, UNKNOWABLE):
-        field.counts[KNOWN_CELLS] += 1
-        field.counts[KNOWN_EXPLORABLE] += field.explorable[cell]
+        state.counts[KNOWN_CELLS] += 1
+        state.counts[KNOWN_EXPLORABLE] += state.explorable[cell]
     elif before != found:
-        field.counts[CONTRADICTED] += 1
+        state.counts[CONTRADICTED] += 1
     if (found == OBSTACLE) != (before == OBSTACLE):
-        crowd(field, cell, 1 if found == OBSTACLE else -1)
+        inflate(state, cell, 1 if found == OBSTACLE else -1)
     return True
 
 
-def crowd(field: Field, cell: int, count: int) -> None:
+def inflate(state: ExplorationState, cell: int, count: int) -> None:
     """An obstacle appeared (+1) or vanished (-1): the cells where a robot would touch it."""
-    row, column = cell // field.stride, cell % field.stride
-    for k in range(len(field.disc_rows)):
-        r, c = row + field.disc_rows[k], column + field.disc_columns[k]
-        if 1 <= r <= field.rows and 1 <= c <= field.columns:
-            field.crowded[r * field.stride + c] += count
+    row, column = cell // state.stride, cell % state.stride
+    for k in range(len(state.disc_rows)):
+        r, c = row + state.disc_rows[k], column + state.disc_columns[k]
+        if 1 <= r <= state.rows and 1 <= c <= state.columns:
+            state.inflated[r * state.stride + c] += count
 
 
-def unknown_neighbours(field: Field, cell: int) -> int:
+def unknown_neighbours(state: ExplorationState, cell: int) -> int:
     """a of Sect. 9.3.3: neighbours (left, right, up, down) that may be learned yet."""
-    known, stride = field.known, field.stride
+    known, stride = state.known, state.stride
     return (
         (known[cell - stride] == UNKNOWN)
         + (known[cell - 1] == UNKNOWN)
@@ -123,10 +123,10 @@ def unknown_neighbours(field: Field, cell: int) -> int:
     )
 
 
-def block_of(field: Field, cell: int) -> int:
+def block_of(state: ExplorationState, cell: int) -> int:
     """The block that a cell is in."""
-    row, column = cell // field.stride, cell % field.stride
-    return row // BLOCK * blocks_in(field.stride) + column // BLOCK
+    row, column = cell // state.stride, cell % state.stride
+    return row // BLOCK * blocks_in(state.stride) + column // BLOCK
 
 
 def blocks_in(cells: int) -> int:
@@ -141,9 +141,9 @@ def flatten(cells: NDArray[Any], border: Any) -> NDArray[Any]:
     return padded.ravel()
 
 
-def unflatten(field: Field, cells: Cells | Reals) -> NDArray[Any]:
+def unflatten(state: ExplorationState, cells: Cells | Reals) -> NDArray[Any]:
     """A flat array as a map's cells again, shape (rows, columns), a copy."""
-    padded = np.asarray(cells).reshape(field.rows + 2, field.stride)
+    padded = np.asarray(cells).reshape(state.rows + 2, state.stride)
     return padded[1:-1, 1:-1].copy()
 
 

@@ -1,7 +1,7 @@
 """Exploring a map that stands in for the environment: parameters in, a trace out.
 
-Algorithm 9.1 itself is `frontier.py`; around it `sensing.py`, `motion.py`, `goals.py` and
-`fleet.py`. Here the arrays they work on are made, and turned into a trace at the end.
+Algorithm 9.1 itself is `frontier`; the runner (`runner`) makes the arrays that it works on and
+turns them into a trace at the end.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from mapcli.algorithms.exploration.exploration_parameters import ExploreParameters
+from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
 from mapcli.algorithms.exploration.exploration_state import OPEN, kinds
-from mapcli.algorithms.exploration.runner import Expedition
+from mapcli.algorithms.exploration.runner import ExplorationRun
 from mapcli.errors import DataError
 from mapcli.model.exploration import Cell, Exploration
 from mapcli.model.grid import GridMap
@@ -24,7 +24,7 @@ class KnownMapError(DataError):
 def explore(
     world: GridMap,
     robots: Sequence[Cell],
-    parameters: ExploreParameters | None = None,
+    parameters: ExplorationParameters | None = None,
     known: GridMap | None = None,
     *,
     compiled: bool | None = None,
@@ -47,27 +47,27 @@ def explore(
             another robot, or too large to stand anywhere.
         KnownMapError: `known` of another size, or a robot on no open cell of it.
     """
-    parameters = parameters or ExploreParameters()
+    parameters = parameters or ExplorationParameters()
     check(world, robots, parameters, known)
-    expedition = Expedition(world, robots, parameters, known, compiled)
-    expedition.run(progress)
-    return expedition.result(expedition.reason)
+    run = ExplorationRun(world, robots, parameters, known, compiled)
+    run.run(progress)
+    return run.result(run.reason)
 
 
 def plan(
     world: GridMap,
     robots: Sequence[Cell],
-    parameters: ExploreParameters | None = None,
+    parameters: ExplorationParameters | None = None,
     known: GridMap | None = None,
     *,
     compiled: bool | None = None,
 ) -> Exploration:
     """The frontier and the robots' next goals; nobody moves. Arguments as of `explore`."""
-    parameters = parameters or ExploreParameters()
+    parameters = parameters or ExplorationParameters()
     check(world, robots, parameters, known)
-    expedition = Expedition(world, robots, parameters, known, compiled)
-    expedition.sense_at_start()
-    return expedition.result("plan", expedition.next_goals())
+    run = ExplorationRun(world, robots, parameters, known, compiled)
+    run.sense_at_start()
+    return run.result("plan", run.next_goals())
 
 
 def contradictions(world: GridMap, known: GridMap, low: float) -> int:
@@ -79,7 +79,7 @@ def contradictions(world: GridMap, known: GridMap, low: float) -> int:
 def check(
     world: GridMap,
     robots: Sequence[Cell],
-    parameters: ExploreParameters,
+    parameters: ExplorationParameters,
     known: GridMap | None,
 ) -> None:
     """Whether the robots can start.

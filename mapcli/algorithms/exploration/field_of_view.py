@@ -17,18 +17,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapcli.algorithms.exploration.exploration_state import OPEN, UNKNOWN, Cells, Field
+from mapcli.algorithms.exploration.exploration_state import OPEN, UNKNOWN, Cells, ExplorationState
 
 THROUGH_OPEN = 1 << OPEN
 THROUGH_UNKNOWN = 1 << OPEN | 1 << UNKNOWN
 """Which kinds of cells a ray passes, as bits."""
 
 
-MOST_LOOKS = 2**31 - 2
+MAX_QUERIES = 2**31 - 2
 """Then the window is cleared, as its numbers would be too large for it."""
 
 
-class Sight(NamedTuple):
+class FieldOfView(NamedTuple):
     """A sensor and its scratch memory (mutable).
 
     Attributes:
@@ -44,61 +44,63 @@ class Sight(NamedTuple):
     reach: int
     seen: Cells
     window: Cells
-    looks: Cells
+    queries: Cells
     sectors: Cells
 
 
-def make_sight(field: Field, sensor_range: int) -> Sight:
+def make_field_of_view(state: ExplorationState, sensor_range: int) -> FieldOfView:
     """A sensor that reaches `sensor_range` cells, for this field."""
-    reach = min(sensor_range, max(field.rows, field.columns))
+    reach = min(sensor_range, max(state.rows, state.columns))
     side = 2 * reach + 1
     waiting = 5 * (reach + 2) * (reach + 3) if sensor_range > 1 else 0
-    return Sight(
-        min(sensor_range, field.rows + field.columns),
+    return FieldOfView(
+        min(sensor_range, state.rows + state.columns),
         reach,
-        np.zeros(min(side * side, len(field.known)), np.int64),
+        np.zeros(min(side * side, len(state.known)), np.int64),
         np.zeros(side * side if sensor_range > 1 else 0, np.int32),
         np.zeros(1, np.int64),
         np.zeros(waiting, np.int64),
     )
 
 
-def cells_in_range(sight: Sight) -> int:
+def cells_in_range(fov: FieldOfView) -> int:
     """How many cells besides its own a robot could see at most."""
-    if sight.range == 1:
+    if fov.range == 1:
         return 8
-    rows = np.arange(-sight.range, sight.range + 1)
-    return int((2 * np.floor(np.sqrt(sight.range**2 - rows**2)) + 1).sum()) - 1
+    rows = np.arange(-fov.range, fov.range + 1)
+    return int((2 * np.floor(np.sqrt(fov.range**2 - rows**2)) + 1).sum()) - 1
 
 
-def look(field: Field, sight: Sight, kinds: Cells, passed: int, cell: int) -> int:
-    """See from a cell: how many cells of `sight.seen` hold the answer.
+def visible_cells(
+    state: ExplorationState, fov: FieldOfView, kinds: Cells, passed: int, cell: int
+) -> int:
+    """See from a cell: how many cells of `fov.seen` hold the answer.
 
     Args:
-        kinds: what each cell is, `field.world` or `field.known`.
+        kinds: what each cell is, `state.world` or `state.known`.
         passed: the kinds that rays pass, THROUGH_OPEN or THROUGH_UNKNOWN.
     """
-    if sight.range == 1:
-        return look_around(field, sight, cell)
-    start_look(sight)
-    sight.seen[0] = cell
-    sight.window[sight.reach * (2 * sight.reach + 2)] = sight.looks[0]
-    seen, whole = 1, Sector(sight.reach, 0, SLOPES)
+    if fov.range == 1:
+        return eight_neighbours(state, fov, cell)
+    start_query(fov)
+    fov.seen[0] = cell
+    fov.window[fov.reach * (2 * fov.reach + 2)] = fov.queries[0]
+    seen, whole = 1, Sector(fov.reach, 0, SLOPES)
     for vertical in (-1, 1):
         for horizontal in (-1, 1):
             for steep in (True, False):
-                octant = octant_of(field, sight, cell, vertical, horizontal, steep)
-                seen = look_in_octant(sight, kinds, passed, cell, octant, whole, seen)
+                octant = octant_of(state, fov, cell, vertical, horizontal, steep)
+                seen = scan_octant(fov, kinds, passed, cell, octant, whole, seen)
     return seen
 
 
-def start_look(sight: Sight) -> None:
+def start_query(fov: FieldOfView) -> None:
     """What was seen before counts no longer."""
-    sight.looks[0] += 1
-    if sight.looks[0] > MOST_LOOKS:
-        for here in range(len(sight.window)):
-            sight.window[here] = 0
-        sight.looks[0] = 1
+    fov.queries[0] += 1
+    if fov.queries[0] > MAX_QUERIES:
+        for here in range(len(fov.window)):
+            fov.window[here] = 0
+        fov.queries[0] = 1
 
 
 SLOPES = 256
@@ -136,42 +138,53 @@ class Octant(NamedTuple):
 
 
 def octant_of(
-    field: Field, sight: Sight, cell: int, vertical: int, horizontal: int, steep: bool
+    state: ExplorationState,
+    fov: FieldOfView,
+    cell: int,
+    vertical: int,
+    horizontal: int,
+    steep: bool,
 ) -> Octant:
     """The octant down or up (vertical 1, -1), right or left, more the former when steep."""
-    row, column = cell // field.stride, cell % field.stride
-    height = row - 1 if vertical < 0 else field.rows - row
-    width = column - 1 if horizontal < 0 else field.columns - column
-    down, right = vertical * field.stride, horizontal
-    down_here, right_here = vertical * (2 * sight.reach + 1), horizontal
+    row, column = cell // state.stride, cell % state.stride
+    height = row - 1 if vertical < 0 else state.rows - row
+    width = column - 1 if horizontal < 0 else state.columns - column
+    down, right = vertical * state.stride, horizontal
+    down_here, right_here = vertical * (2 * fov.reach + 1), horizontal
     if steep:
-        far, wide = min(height, sight.reach), width
+        far, wide = min(height, fov.reach), width
         return Octant(down, right, down_here, right_here, far, wide)
-    far, wide = min(width, sight.reach), height
+    far, wide = min(width, fov.reach), height
     return Octant(right, down, right_here, down_here, far, wide)
 
 
-def look_around(field: Field, sight: Sight, cell: int) -> int:
+def eight_neighbours(state: ExplorationState, fov: FieldOfView, cell: int) -> int:
     """The robot's cell and the eight around it, as far as the map goes."""
-    row, column = cell // field.stride, cell % field.stride
+    row, column = cell // state.stride, cell % state.stride
     seen = 0
-    for r in range(max(row - 1, 1), min(row + 1, field.rows) + 1):
-        for c in range(max(column - 1, 1), min(column + 1, field.columns) + 1):
-            sight.seen[seen] = r * field.stride + c
+    for r in range(max(row - 1, 1), min(row + 1, state.rows) + 1):
+        for c in range(max(column - 1, 1), min(column + 1, state.columns) + 1):
+            fov.seen[seen] = r * state.stride + c
             seen += 1
     return seen
 
 
-def look_in_octant(
-    sight: Sight, kinds: Cells, passed: int, origin: int, octant: Octant, sector: Sector, seen: int
+def scan_octant(
+    fov: FieldOfView,
+    kinds: Cells,
+    passed: int,
+    origin: int,
+    octant: Octant,
+    sector: Sector,
+    seen: int,
 ) -> int:
-    """Follow the rays of a sector of one octant; returns the new number of cells in `sight.seen`.
+    """Follow the rays of a sector of one octant; returns the new number of cells in `fov.seen`.
 
     It splits into sectors of slopes between two fractions, low / low_by and high / high_by.
     """
     far = min(octant.far, sector.depth)
-    centre, limit = sight.reach * (2 * sight.reach + 2), sight.range * sight.range
-    sectors = sight.sectors
+    centre, limit = fov.reach * (2 * fov.reach + 2), fov.range * fov.range
+    sectors = fov.sectors
     waiting = push(sectors, 0, 1, sector.low, SLOPES, sector.high, SLOPES)
     while waiting:
         waiting -= 5
@@ -191,9 +204,9 @@ def look_in_octant(
                     break
                 cell = origin + depth * octant.down + aside * octant.right
                 here = centre + depth * octant.down_here + aside * octant.right_here
-                if sight.window[here] != sight.looks[0]:
-                    sight.window[here] = sight.looks[0]
-                    sight.seen[seen] = cell
+                if fov.window[here] != fov.queries[0]:
+                    fov.window[here] = fov.queries[0]
+                    fov.seen[seen] = cell
                     seen += 1
                 if not (passed >> kinds[cell]) & 1:
                     if low * far_edge < left * low_by:
@@ -217,15 +230,15 @@ def push(
     return waiting + 5
 
 
-def expected(field: Field, sight: Sight, cell: int) -> int:
+def expected_gain(state: ExplorationState, fov: FieldOfView, cell: int) -> int:
     """Cells expected to be seen from a cell: those unknown ones that rays would show if nothing
     but the known obstacles (and cells known to be unknowable) stood in their way."""
-    return count_unknown(field, sight, look(field, sight, field.known, THROUGH_UNKNOWN, cell))
+    return count_unknown(state, fov, visible_cells(state, fov, state.known, THROUGH_UNKNOWN, cell))
 
 
-def count_unknown(field: Field, sight: Sight, seen: int) -> int:
-    """How many of the first cells of `sight.seen` are unknown."""
+def count_unknown(state: ExplorationState, fov: FieldOfView, seen: int) -> int:
+    """How many of the first cells of `fov.seen` are unknown."""
     count = 0
     for k in range(seen):
-        count += field.known[sight.seen[k]] == UNKNOWN
+        count += state.known[fov.seen[k]] == UNKNOWN
     return count

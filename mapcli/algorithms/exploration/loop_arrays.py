@@ -8,19 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.exploration import path_search as motion
-from mapcli.algorithms.exploration.exploration_parameters import ExploreParameters
+from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
 from mapcli.algorithms.exploration.exploration_state import (
     OUTSIDE,
     UNKNOWABLE,
     UNKNOWN,
-    Field,
+    ExplorationState,
     blocks_in,
     flatten,
     kinds,
     offsets_of_disc,
 )
-from mapcli.algorithms.exploration.goal_selection import FRONTIER, NOWHERE, START
-from mapcli.algorithms.exploration.robots import SENSED, STEPS, Robots, Trace
+from mapcli.algorithms.exploration.trace_columns import (
+    FRONTIER,
+    NOWHERE,
+    SENSED,
+    START,
+    STEPS,
+    Robots,
+    Trace,
+)
 from mapcli.model.exploration import StepColumns
 from mapcli.model.grid import GridMap
 
@@ -32,15 +39,18 @@ DIAGONAL = ((-1, -1), (-1, 1), (1, -1), (1, 1))
 """(row, column) of the moves, in the order in which ties are decided."""
 
 
-def make_field(world: GridMap, known: GridMap, parameters: ExploreParameters) -> Field:
-    """The field at the start. `outset.take_stock` is still due when something is known."""
+def make_state(
+    world: GridMap, known: GridMap, parameters: ExplorationParameters
+) -> ExplorationState:
+    """The state at the start. Where something is known, `initialisation.register_known_map` is
+    still due."""
     rows, columns = world.rows, world.columns
     empty = np.zeros((rows, columns), np.int32)
     moves = STRAIGHT if parameters.connectivity == 4 else STRAIGHT + DIAGONAL
     # Obstacles farther away than the map is large are none.
     radius = min(parameters.robot_radius / world.resolution, float(rows + columns))
     disc_rows, disc_columns = offsets_of_disc(radius)
-    return Field(
+    return ExplorationState(
         rows,
         columns,
         columns + 2,
@@ -50,7 +60,7 @@ def make_field(world: GridMap, known: GridMap, parameters: ExploreParameters) ->
         grid=flatten(known.cells, np.nan),
         frontier=flatten(empty.astype(np.uint8), 0),
         blocks=np.zeros(blocks_in(rows + 2) * blocks_in(columns + 2), np.int32),
-        crowded=flatten(empty, 0),
+        inflated=flatten(empty, 0),
         explorable=flatten(empty.astype(np.uint8), 0),
         disc_rows=disc_rows,
         disc_columns=disc_columns,
@@ -76,12 +86,12 @@ def make_trace(sensed: int, robots: int) -> Trace:
         **columns,
         paths=np.zeros(4096, np.int32),
         sensed=np.zeros(4096 + 2 * sensed, np.int32),
-        counts=np.zeros(5, np.int64),
+        counts=np.zeros(6, np.int64),
         length=np.zeros(1, np.float64),
     )
 
 
-def grown(trace: Trace) -> Trace:
+def with_double_room(trace: Trace) -> Trace:
     """The same trace with twice the room.
 
     Raises:
@@ -91,11 +101,13 @@ def grown(trace: Trace) -> Trace:
         raise MemoryError("more than a thousand million moves")
     columns = (*STEP_COLUMNS, "paths", "sensed")
     arrays = {name: np.asarray(getattr(trace, name)) for name in columns}
-    twice = {name: np.concatenate([a, np.zeros_like(a)]) for name, a in arrays.items()}
+    twice = {name: np.zeros(2 * len(a), a.dtype) for name, a in arrays.items()}
+    for name, a in arrays.items():
+        twice[name][: len(a)] = a  # memory that is never touched costs nothing
     return trace._replace(**twice)
 
 
-def read_steps(field: Field, trace: Trace) -> StepColumns:
+def read_steps(state: ExplorationState, trace: Trace) -> StepColumns:
     """The steps as people see them: rows and columns instead of indices."""
     count = trace.counts[STEPS]
     columns = {name: np.asarray(getattr(trace, name))[:count] for name in STEP_COLUMNS}
@@ -106,28 +118,28 @@ def read_steps(field: Field, trace: Trace) -> StepColumns:
     stayed_end = np.concatenate([[0], np.cumsum(stayed)])[ends]
     moves = columns["moves"]
     priority = np.full(count, np.nan)
-    np.divide(columns["worth"], moves, out=priority, where=moves > 0)
+    np.divide(columns["utility"], moves, out=priority, where=moves > 0)
     return StepColumns(
         robot=columns["robot"],
         kind=columns["kind"],
         time=columns["time"],
-        origin=cells_of(field, columns["origin"]),
-        goal=cells_of(field, columns["goal"]),
+        origin=cells_of(state, columns["origin"]),
+        goal=cells_of(state, columns["goal"]),
         frontier_size=columns["frontier"],
         priority=priority,
-        path=cells_of(field, paths),
+        path=cells_of(state, paths),
         path_end=path_end,
-        cells=cells_of(field, sensed[~stayed]),
-        probabilities=np.asarray(field.truth)[sensed[~stayed]],
+        cells=cells_of(state, sensed[~stayed]),
+        probabilities=np.asarray(state.truth)[sensed[~stayed]],
         sensed_end=ends - stayed_end,
-        unknowable=cells_of(field, -sensed[stayed]),
+        unknowable=cells_of(state, -sensed[stayed]),
         unknowable_end=stayed_end,
     )
 
 
-def cells_of(field: Field, indices: NDArray[np.integer]) -> NDArray[np.int32]:
+def cells_of(state: ExplorationState, indices: NDArray[np.integer]) -> NDArray[np.int32]:
     """(row, column) of cell indices, shape (n, 2)."""
-    rows, columns = np.divmod(indices, field.stride)
+    rows, columns = np.divmod(indices, state.stride)
     return np.column_stack([rows - 1, columns - 1]).astype(np.int32)
 
 

@@ -9,14 +9,17 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from mapcli.algorithms.exploration import field_of_view as sensing
-from mapcli.algorithms.exploration import frontier
-from mapcli.algorithms.exploration import goal_selection as goals
-from mapcli.algorithms.exploration import initialisation as outset
-from mapcli.algorithms.exploration import path_search as motion
-from mapcli.algorithms.exploration import return_home as homecoming
-from mapcli.algorithms.exploration import robots as fleet
-from mapcli.algorithms.exploration.exploration_parameters import ExploreParameters
+from mapcli.algorithms.exploration import (
+    field_of_view,
+    frontier,
+    goal_selection,
+    initialisation,
+    limits,
+    path_search,
+    return_home,
+    trace_columns,
+)
+from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
 from mapcli.algorithms.exploration.exploration_state import (
     CONTRADICTED,
     FRONTIER_SIZE,
@@ -26,14 +29,14 @@ from mapcli.algorithms.exploration.exploration_state import (
     unknown_neighbours,
 )
 from mapcli.algorithms.exploration.loop_arrays import (
-    grown,
-    make_field,
     make_robots,
+    make_state,
     make_trace,
     read_steps,
+    with_double_room,
 )
-from mapcli.algorithms.exploration.viewpoints import make_lookouts
-from mapcli.algorithms.exploration.voronoi_partition import make_parts
+from mapcli.algorithms.exploration.viewpoints import make_viewpoints
+from mapcli.algorithms.exploration.voronoi_partition import make_partition
 from mapcli.errors import DataError
 from mapcli.model.exploration import (
     Cell,
@@ -49,10 +52,10 @@ from mapcli.model.grid import GridMap
 Function = TypeVar("Function", bound=Callable[..., Any])
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 
-HELD_BACK: dict[int, Reason] = {
-    frontier.MAX_STEPS: "max-steps",
-    frontier.MAX_DISTANCE: "max-distance",
-    frontier.COVERAGE: "coverage",
+REASONS: dict[int, Reason] = {
+    limits.MAX_STEPS: "max-steps",
+    limits.MAX_DISTANCE: "max-distance",
+    limits.COVERAGE: "coverage",
 }
 
 ROUNDS = 5000
@@ -63,45 +66,45 @@ LARGE = 20_000
 """Cells; plain Python explores a smaller map before numba would have been imported."""
 
 
-def is_large(grid: GridMap, parameters: ExploreParameters) -> bool:
+def is_large(grid: GridMap, parameters: ExplorationParameters) -> bool:
     """Whether compiled loops pay for importing them (most of a second)."""
     work = 8 if parameters.strategy == "gain" else 1
     return grid.cells.size * work > LARGE
 
 
-class Expedition:
-    """The state of one exploration (changes while it runs; see `explore.explore`)."""
+class ExplorationRun:
+    """The status of one exploration (changes while it runs; see `explore.explore`)."""
 
     def __init__(
         self,
         world: GridMap,
         robots: Sequence[Cell],
-        parameters: ExploreParameters,
+        parameters: ExplorationParameters,
         known: GridMap | None,
         compiled: bool | None,
     ) -> None:
         self.world, self.parameters, self.starts = world, parameters, tuple(robots)
         self.compiled = is_large(world, parameters) if compiled is None else compiled
         self.before = known or world.replaced(np.full_like(world.cells, np.nan))
-        self.field = self.views(make_field(world, self.before, parameters))
+        self.state = self.views(make_state(world, self.before, parameters))
         cells = [self.index(cell) for cell in robots]
         self.homes = np.array(cells, dtype=np.int64)
-        sight = sensing.make_sight(self.field, parameters.sensor_range)
+        fov = field_of_view.make_field_of_view(self.state, parameters.sensor_range)
         self.planner = frontier.Planner(
-            self.views(motion.make_search(self.field)),
-            self.views(make_parts(self.field, len(cells))),
-            self.views(sight),
-            self.views(goals.make_chooser(parameters.strategy, self.field, sight)),
-            self.views(make_lookouts(self.field)),
+            self.views(path_search.make_search(self.state)),
+            self.views(make_partition(self.state, len(cells))),
+            self.views(fov),
+            self.views(goal_selection.make_chooser(parameters.strategy, self.state, fov)),
+            self.views(make_viewpoints(self.state)),
         )
         self.robots = self.views(make_robots(cells, at_start=known is None))
-        self.trace = self.views(make_trace(len(cells) * len(sight.seen), len(cells)))
+        self.trace = self.views(make_trace(len(cells) * len(fov.seen), len(cells)))
         if parameters.robot_radius:
             self.check_room(cells)
-        mark_explorable = self.call(outset.mark_explorable)
-        self.explorable = mark_explorable(self.field, self.planner.search, self.robots.cell)
+        mark_explorable = self.call(initialisation.mark_explorable)
+        self.explorable = mark_explorable(self.state, self.planner.search, self.robots.cell)
         if known is not None:
-            self.call(outset.take_stock)(self.field)
+            self.call(initialisation.register_known_map)(self.state)
 
     def views(self, arrays: Arrays) -> Arrays:
         """Arrays as the loops want them: plain Python is faster with memoryviews."""
@@ -123,16 +126,18 @@ class Expedition:
         return compiled(function)
 
     def index(self, cell: Cell) -> int:
-        return (cell[0] + 1) * self.field.stride + cell[1] + 1
+        return (cell[0] + 1) * self.state.stride + cell[1] + 1
 
     def cell(self, index: int) -> Cell:
-        row, column = divmod(int(index), self.field.stride)
+        row, column = divmod(int(index), self.state.stride)
         return row - 1, column - 1
 
     def check_room(self, cells: Sequence[int]) -> None:
         """Raise DataError when a robot is too large to stand anywhere it could get to."""
         for number, cell in enumerate(cells, start=1):
-            if not self.call(outset.finds_room)(self.field, self.planner.search, cell):
+            if not self.call(initialisation.has_place_to_stand)(
+                self.state, self.planner.search, cell
+            ):
                 row, column = self.cell(cell)
                 raise DataError(
                     f"robot {number} at {row},{column} with a radius of "
@@ -142,123 +147,131 @@ class Expedition:
 
     def sense_at_start(self) -> None:
         """The steps before the first choice of a goal."""
-        self._explore(frontier.Limits(0, math.inf, motion.NEVER), lambda coverage: None)
+        self._explore(limits.Limits(0, math.inf, path_search.NEVER), lambda coverage: None)
 
     def run(self, progress: Callable[[float], None]) -> None:
         """Explore until nobody has anywhere to go, and bring the robots to rest."""
         wanted, share = self.parameters, self.parameters.coverage
         self._explore(
-            frontier.Limits(
-                motion.NEVER if wanted.max_steps is None else wanted.max_steps,
+            limits.Limits(
+                path_search.NEVER if wanted.max_steps is None else wanted.max_steps,
                 # A path of just the length allowed is allowed, whatever the rounding.
                 (math.inf if wanted.max_distance is None else wanted.max_distance)
                 / self.world.resolution + 1e-9,
-                motion.NEVER if share is None else math.ceil(share * self.explorable - 1e-9),
+                path_search.NEVER if share is None else math.ceil(share * self.explorable - 1e-9),
             ),
             progress,
         )  # fmt: skip
         if wanted.return_home:
-            go_home, state = self.call(homecoming.go_home), frontier.MORE
-            homes = self.view(self.homes)
-            while state != frontier.ENDED:
-                state = go_home(self.field, self.planner, self.robots, self.trace, homes)
-                self.make_room(state)
-        self.call(homecoming.stay)(self.robots, self.trace)
+            self._run_rounds(self.call(return_home.return_home), self.view(self.homes))
+        self.call(return_home.record_stops)(self.robots, self.trace)
 
-    def _explore(self, limits: frontier.Limits, progress: Callable[[float], None]) -> None:
+    def _explore(self, limit: limits.Limits, progress: Callable[[float], None]) -> None:
         """Algorithm 9.1 up to its end, with a look at the progress now and then."""
-        explore, state = self.call(frontier.explore), frontier.MORE
-        while state != frontier.ENDED:
-            state = explore(self.field, self.planner, limits, self.robots, self.trace, ROUNDS)
-            self.make_room(state)
-            progress(self.coverage)
+        explore = self.call(frontier.explore_frontier)
+        self._run_rounds(
+            lambda state, planner, robots, trace: explore(state, planner, limit, robots, trace),
+            progress=lambda: progress(self.coverage),
+        )
 
-    def make_room(self, state: int) -> None:
-        """Double the trace's columns when the loops ask for it."""
-        if state == frontier.ROOM:
-            self.trace = self.views(grown(self.trace))
+    def _run_rounds(
+        self, loop: Callable[..., bool], *arguments: Any,
+        progress: Callable[[], None] = lambda: None,
+    ) -> None:  # fmt: skip
+        """Call a loop until it has come to its end, with room for each round in the trace."""
+        ended = False
+        while not ended:
+            self.make_room()
+            self.trace.counts[trace_columns.ROUNDS] = ROUNDS
+            ended = loop(self.state, self.planner, self.robots, self.trace, *arguments)
+            progress()
+
+    def make_room(self) -> None:
+        """Double the trace's columns until they hold another round."""
+        while not trace_columns.has_room(self.state, self.planner.fov, self.robots, self.trace):
+            self.trace = self.views(with_double_room(self.trace))
 
     @property
     def coverage(self) -> float:
         """Share of the explorable cells that is known."""
-        return int(self.field.counts[KNOWN_EXPLORABLE]) / max(self.explorable, 1)
+        return int(self.state.counts[KNOWN_EXPLORABLE]) / max(self.explorable, 1)
 
     @property
     def reason(self) -> Reason:
         """Why nobody had anywhere to go."""
-        held_back = self.trace.counts[fleet.HELD_BACK]
-        if self.field.counts[FRONTIER_SIZE] == 0:
+        held_back = self.trace.counts[trace_columns.HELD_BACK]
+        if self.state.counts[FRONTIER_SIZE] == 0:
             return "complete"
-        return HELD_BACK.get(held_back, "unreachable")
+        return REASONS.get(held_back, "unreachable")
 
     def result(self, reason: Reason, plan: tuple[NextGoal, ...] | None = None) -> Exploration:
         """What happened, and what is known now."""
-        steps = read_steps(self.field, self.trace)
+        steps = read_steps(self.state, self.trace)
         left = self.frontier_cells()
         away = [k for k, cell in enumerate(self.homes) if cell != self.robots.cell[k]]
         return Exploration(
             robots=self.starts,
             before=self.before,
-            after=self.world.replaced(unflatten(self.field, self.field.grid)),
+            after=self.world.replaced(unflatten(self.state, self.state.grid)),
             steps=steps,
             frontier=left,
             plan=plan,
-            explorable=unflatten(self.field, self.field.explorable).astype(bool),
+            explorable=unflatten(self.state, self.state.explorable).astype(bool),
             summary=ExplorationSummary(
                 reason=reason,
                 steps=len(steps),
-                time_steps=int(self.trace.counts[fleet.TIME]),
+                time_steps=int(self.trace.counts[trace_columns.TIME]),
                 distance_cells=len(steps.path),
                 distance_m=float(move_lengths(steps).sum()) * self.world.resolution,
-                known_cells=int(self.field.counts[KNOWN_CELLS]),
+                known_cells=int(self.state.counts[KNOWN_CELLS]),
                 coverage=self.coverage,
                 unreachable=sum(cell.distance is None for cell in left),
-                corrected=int(self.field.counts[CONTRADICTED]),
+                corrected=int(self.state.counts[CONTRADICTED]),
                 not_home=len(away) if self.parameters.return_home else 0,
             ),
         )
 
     def frontier_cells(self) -> tuple[FrontierCell, ...]:
         """The frontier, with the nearest robot (ties: the first) and the way to it."""
-        search, cells = self.planner.search, np.flatnonzero(np.asarray(self.field.frontier))
+        search, cells = self.planner.search, np.flatnonzero(np.asarray(self.state.frontier))
         if len(cells) == 0:
             return ()
-        nearest = np.full(len(cells), motion.NEVER)
+        nearest = np.full(len(cells), path_search.NEVER)
         robots = np.zeros(len(cells), np.int64)
         for robot, start in enumerate(np.asarray(self.robots.cell).tolist()):
-            self.call(motion.spread_all)(self.field, search, start)
+            self.call(path_search.search_everything)(self.state, search, start)
             moves = np.asarray(search.mark)[cells] - search.base[0]
-            fits = (np.asarray(self.field.crowded)[cells] == 0) | (moves == 0)
+            fits = (np.asarray(self.state.inflated)[cells] == 0) | (moves == 0)
             nearer = (moves >= 0) & fits & (moves < nearest)
             nearest[nearer], robots[nearer] = moves[nearer], robot
         rows = zip(cells.tolist(), robots.tolist(), nearest.tolist(), strict=True)
         return tuple(self.frontier_cell(*row) for row in rows)
 
     def frontier_cell(self, cell: int, robot: int, moves: int) -> FrontierCell:
-        unknown = int(self.call(unknown_neighbours)(self.field, cell))
-        if moves == motion.NEVER:
+        unknown = int(self.call(unknown_neighbours)(self.state, cell))
+        if moves == path_search.NEVER:
             return FrontierCell(self.cell(cell), unknown, None, None, None)
         return FrontierCell(self.cell(cell), unknown, robot, moves, self.priority(cell, moves))
 
     def priority(self, cell: int, moves: int) -> float | None:
         """Worth of a frontier cell per path length."""
-        worth = self.call(goals.shown_worth)
+        utility = self.call(goal_selection.reported_utility)
         planner = self.planner
-        return worth(self.field, planner.sight, planner.chooser, cell) / moves if moves else None
+        return utility(self.state, planner.fov, planner.chooser, cell) / moves if moves else None
 
     def next_goals(self) -> tuple[NextGoal, ...]:
         """Where each robot would go next, in the order in which they choose."""
         planned = []
         for robot in range(len(self.homes)):
             choose = self.call(frontier.choose_goal)
-            goal = choose(self.field, self.planner, self.robots, robot)
-            if goal.cell == goals.NOWHERE:
+            goal = choose(self.state, self.planner, self.robots, robot)
+            if goal.cell == trace_columns.NOWHERE:
                 continue
             self.robots.goal[robot] = goal.cell
             path = np.zeros(goal.moves, np.int64)
-            write_path = self.call(motion.write_path)
-            write_path(self.field, self.planner.search, goal.cell, self.view(path), goal.moves)
-            at_frontier = goal.kind == goals.FRONTIER
+            write_path = self.call(path_search.write_path)
+            write_path(self.state, self.planner.search, goal.cell, self.view(path), goal.moves)
+            at_frontier = goal.kind == trace_columns.FRONTIER
             priority = self.priority(goal.cell, goal.moves) if at_frontier else None
             cells = [self.cell(cell) for cell in path.tolist()]
             planned.append(NextGoal(robot, self.cell(goal.cell), cells, priority))

@@ -1,56 +1,61 @@
-"""Whether there is anything unknown to be seen from a cell.
+"""Visibility test: whether anything unknown is visible from a cell.
 
-The answer is that of a look over known open cells (`sensing.look`), which takes long when the
-range is. But a ray that comes to an unknown cell comes from an open one beside it, and that is a
-frontier cell. So in each octant only the sector is looked at in which there are frontier cells.
-The field counts them in blocks.
+The answer is that of the field of view over known open cells (`field_of_view.visible_cells`), which
+takes long when the range is. But a ray that comes to an unknown cell comes from an open one beside
+it, and that is a frontier cell. So in each octant only the sector with frontier cells in it is
+searched; these are counted in blocks (`ExplorationState.blocks`).
 """
 
 from __future__ import annotations
 
-from mapcli.algorithms.exploration.exploration_state import BLOCK, Field, blocks_in
+from mapcli.algorithms.exploration.exploration_state import BLOCK, ExplorationState, blocks_in
 from mapcli.algorithms.exploration.field_of_view import (
     SLOPES,
     THROUGH_OPEN,
+    FieldOfView,
     Sector,
-    Sight,
     count_unknown,
-    look_around,
-    look_in_octant,
+    eight_neighbours,
     octant_of,
-    start_look,
+    scan_octant,
+    start_query,
 )
 
 
-def shows_unknown(field: Field, sight: Sight, cell: int) -> bool:
+def shows_unknown(state: ExplorationState, fov: FieldOfView, cell: int) -> bool:
     """Whether a look from a cell over known open cells would show an unknown one."""
-    if sight.range == 1:
-        return count_unknown(field, sight, look_around(field, sight, cell)) > 0
-    start_look(sight)
+    if fov.range == 1:
+        return count_unknown(state, fov, eight_neighbours(state, fov, cell)) > 0
+    start_query(fov)
     for vertical in (-1, 1):
         for horizontal in (-1, 1):
             for steep in (True, False):
-                sector = frontier_sector(field, sight, cell, vertical, horizontal, steep)
-                octant = octant_of(field, sight, cell, vertical, horizontal, steep)
-                seen = look_in_octant(sight, field.known, THROUGH_OPEN, cell, octant, sector, 0)
-                if count_unknown(field, sight, seen) > 0:
+                sector = frontier_sector(state, fov, cell, vertical, horizontal, steep)
+                octant = octant_of(state, fov, cell, vertical, horizontal, steep)
+                seen = scan_octant(fov, state.known, THROUGH_OPEN, cell, octant, sector, 0)
+                if count_unknown(state, fov, seen) > 0:
                     return True
     return False
 
 
 def frontier_sector(
-    field: Field, sight: Sight, cell: int, vertical: int, horizontal: int, steep: bool
+    state: ExplorationState,
+    fov: FieldOfView,
+    cell: int,
+    vertical: int,
+    horizontal: int,
+    steep: bool,
 ) -> Sector:
     """A sector of an octant outside which there is nothing unknown beside a frontier cell. It may
     be larger than need be, as it is that of whole blocks."""
-    row, column = cell // field.stride, cell % field.stride
-    across, depth, low, high = blocks_in(field.stride), 0, SLOPES, 0
-    for r in range(first_block(sight, row, vertical), end_block(sight, row, vertical, field.rows)):
+    row, column = cell // state.stride, cell % state.stride
+    across, depth, low, high = blocks_in(state.stride), 0, SLOPES, 0
+    for r in range(first_block(fov, row, vertical), end_block(fov, row, vertical, state.rows)):
         for c in range(
-            first_block(sight, column, horizontal),
-            end_block(sight, column, horizontal, field.columns),
+            first_block(fov, column, horizontal),
+            end_block(fov, column, horizontal, state.columns),
         ):
-            if field.blocks[r * across + c]:
+            if state.blocks[r * across + c]:
                 down, aside = nearest(r, row, vertical), nearest(c, column, horizontal)
                 if not steep:
                     down, aside = aside, down
@@ -62,15 +67,15 @@ def frontier_sector(
     return Sector(depth, max(low, 0), min(high, SLOPES))
 
 
-def first_block(sight: Sight, place: int, sense: int) -> int:
+def first_block(fov: FieldOfView, place: int, sense: int) -> int:
     """The first of the blocks that are within the range of a row (or column), in the sense of 1
     or -1."""
-    return max(place - (sight.reach if sense < 0 else 0), 0) // BLOCK
+    return max(place - (fov.reach if sense < 0 else 0), 0) // BLOCK
 
 
-def end_block(sight: Sight, place: int, sense: int, last: int) -> int:
+def end_block(fov: FieldOfView, place: int, sense: int, last: int) -> int:
     """The one after the last of them; the last row of the map is given."""
-    return min(place + (sight.reach if sense > 0 else 0), last) // BLOCK + 1
+    return min(place + (fov.reach if sense > 0 else 0), last) // BLOCK + 1
 
 
 def nearest(block: int, place: int, sense: int) -> int:

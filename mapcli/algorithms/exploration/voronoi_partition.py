@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapcli.algorithms.exploration.exploration_state import OPEN, Cells, Field
+from mapcli.algorithms.exploration.exploration_state import OPEN, Cells, ExplorationState
 from mapcli.algorithms.exploration.path_search import NEVER, beside_diagonal, is_diagonal
 
 
-class Parts(NamedTuple):
-    """Scratch memory of the waves (mutable; as in `motion.Search`, it is never cleared).
+class VoronoiPartition(NamedTuple):
+    """Scratch memory of the waves (mutable; as in `PathSearch`, it is never cleared).
 
     Attributes:
         mark: base where the waves have been (int32).
@@ -31,10 +31,10 @@ class Parts(NamedTuple):
     base: Cells
 
 
-def make_parts(field: Field, robots: int) -> Parts:
+def make_partition(state: ExplorationState, robots: int) -> VoronoiPartition:
     """Memory for the waves; a single robot needs none."""
-    size = len(field.known) if robots > 1 else 0
-    return Parts(
+    size = len(state.known) if robots > 1 else 0
+    return VoronoiPartition(
         np.zeros(size, np.int32),
         np.zeros(size, np.int32),
         np.zeros(size, np.int32),
@@ -42,59 +42,61 @@ def make_parts(field: Field, robots: int) -> Parts:
     )
 
 
-def start_waves(parts: Parts, cells: Cells) -> int:
+def start_partition(partition: VoronoiPartition, cells: Cells) -> int:
     """Waves start at the robots' cells; returns the length of the queue."""
-    parts.base[0] += 1
-    if parts.base[0] > NEVER - 1:
-        for cell in range(len(parts.mark)):
-            parts.mark[cell] = 0
-        parts.base[0] = 1
+    partition.base[0] += 1
+    if partition.base[0] > NEVER - 1:
+        for cell in range(len(partition.mark)):
+            partition.mark[cell] = 0
+        partition.base[0] = 1
     count = 0
     for robot in range(len(cells)):
-        count = flood(parts, cells[robot], robot, count)
+        count = claim(partition, cells[robot], robot, count)
     return count
 
 
-def spread_waves(field: Field, parts: Parts, begin: int, end: int) -> int:
+def grow_partition(
+    state: ExplorationState, partition: VoronoiPartition, begin: int, end: int
+) -> int:
     """Each wave goes one move on from queue[begin:end]; returns the new end of the queue."""
     reached = end
     for k in range(begin, end):
-        cell = parts.queue[k]
-        for m in range(len(field.moves)):
-            there = cell + field.moves[m]
-            if parts.mark[there] < parts.base[0] and can_pass(field, cell, there):
-                reached = flood(parts, there, parts.owner[cell], reached)
+        cell = partition.queue[k]
+        for m in range(len(state.moves)):
+            there = cell + state.moves[m]
+            if partition.mark[there] < partition.base[0] and can_pass(state, cell, there):
+                reached = claim(partition, there, partition.owner[cell], reached)
     return reached
 
 
-def flood(parts: Parts, cell: int, robot: int, reached: int) -> int:
+def claim(partition: VoronoiPartition, cell: int, robot: int, reached: int) -> int:
     """A wave gets to a cell, unless one has been there."""
-    if parts.mark[cell] == parts.base[0]:
+    if partition.mark[cell] == partition.base[0]:
         return reached
-    parts.mark[cell] = parts.base[0]
-    parts.owner[cell] = robot
-    parts.queue[reached] = cell
+    partition.mark[cell] = partition.base[0]
+    partition.owner[cell] = robot
+    partition.queue[reached] = cell
     return reached + 1
 
 
-def can_pass(field: Field, cell: int, there: int) -> bool:
+def can_pass(state: ExplorationState, cell: int, there: int) -> bool:
     """Whether a point may move to a neighbouring cell."""
-    if field.known[there] != OPEN:
+    if state.known[there] != OPEN:
         return False
-    if not is_diagonal(field, cell, there):
+    if not is_diagonal(state, cell, there):
         return True
-    beside = beside_diagonal(field, cell, there)
-    return field.known[beside] == OPEN and field.known[cell + there - beside] == OPEN
+    beside = beside_diagonal(state, cell, there)
+    return state.known[beside] == OPEN and state.known[cell + there - beside] == OPEN
 
 
-def is_in_part(parts: Parts, robot: int, cell: int) -> bool:
+def is_owned(partition: VoronoiPartition, robot: int, cell: int) -> bool:
     """Whether a robot's wave was the first at a cell."""
-    return parts.mark[cell] == parts.base[0] and parts.owner[cell] == robot
+    return partition.mark[cell] == partition.base[0] and partition.owner[cell] == robot
 
 
-def owned(parts: Parts, robot: int, begin: int, end: int) -> int:
+def count_owned(partition: VoronoiPartition, robot: int, begin: int, end: int) -> int:
     """How many of queue[begin:end] are in a robot's part."""
     count = 0
     for k in range(begin, end):
-        count += is_in_part(parts, robot, parts.queue[k])
+        count += is_owned(partition, robot, partition.queue[k])
     return count

@@ -11,7 +11,7 @@ from support.exploring import BOOK
 from support.paths import FIXTURES
 from support.starting import modules_loaded_by
 
-from mapcli.algorithms.exploration.exploration_parameters import ExploreParameters
+from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
 from mapcli.algorithms.exploration.explore import explore
 from mapcli.algorithms.exploration.runner import LARGE, is_large
 from mapcli.errors import DataError
@@ -50,9 +50,9 @@ def random_case(seed: int) -> tuple[GridMap, list[tuple[int, int]], GridMap | No
 
 
 def assert_equal(ours: Exploration, theirs: Exploration) -> None:
-    for field in fields(ours.steps):
+    for column in fields(ours.steps):
         np.testing.assert_array_equal(
-            getattr(ours.steps, field.name), getattr(theirs.steps, field.name), field.name
+            getattr(ours.steps, column.name), getattr(theirs.steps, column.name), column.name
         )
     np.testing.assert_array_equal(ours.after.cells, theirs.after.cells)
     np.testing.assert_array_equal(ours.explorable, theirs.explorable)
@@ -68,7 +68,7 @@ def test_compiled_and_plain_take_the_same_steps(options: dict[str, Any]) -> None
         both = []
         for compiled in (False, True):
             try:
-                parameters = ExploreParameters(**options)
+                parameters = ExplorationParameters(**options)
                 both.append(explore(world, robots, parameters, known, compiled=compiled))
             except DataError as error:
                 both.append(str(error))
@@ -82,8 +82,8 @@ def test_compiled_and_plain_take_the_same_steps(options: dict[str, Any]) -> None
 
 def test_only_large_maps_are_compiled() -> None:
     large = GridMap(np.zeros((1, LARGE + 1), dtype=np.float32))
-    assert not is_large(BOOK["fig9_9"], ExploreParameters("gain"))
-    assert is_large(large, ExploreParameters())
+    assert not is_large(BOOK["fig9_9"], ExplorationParameters("gain"))
+    assert is_large(large, ExplorationParameters())
 
 
 def test_small_maps_load_nothing_heavy() -> None:

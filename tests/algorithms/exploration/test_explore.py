@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.exploring import BOOK, expeditions, grid_of, open_cells
+from support.exploring import BOOK, exploration_cases, grid_of, open_cells
 from support.literal_frontier import LiteralFrontier
 
-from mapcli.algorithms.exploration.exploration_parameters import ExploreParameters
+from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
 from mapcli.algorithms.exploration.explore import contradictions, explore, plan
 from mapcli.errors import DataError
 from mapcli.model.exploration import Exploration, coverage_curve
-from mapcli.model.exploration_replay import Replay
+from mapcli.model.exploration_replay import ExplorationReplay
 from mapcli.model.grid import GridMap
 
 HALL = GridMap(np.full((12, 12), 0.1, dtype=np.float32), resolution=0.5)
@@ -45,11 +45,11 @@ def reachable(cells: np.ndarray, starts: list[tuple[int, int]]) -> set[tuple[int
 
 def run(case: dict[str, Any], **options: Any) -> Exploration:
     known = None if case["known"] is None else GridMap(case["known"])
-    return explore(GridMap(case["world"]), case["robots"], ExploreParameters(**options), known)
+    return explore(GridMap(case["world"]), case["robots"], ExplorationParameters(**options), known)
 
 
 @settings(max_examples=200, deadline=None)
-@given(case=expeditions(robots=3), options=OPTIONS)
+@given(case=exploration_cases(robots=3), options=OPTIONS)
 def test_everything_that_can_be_reached_and_sensed_is_known(
     case: dict[str, Any], options: dict[str, Any]
 ) -> None:
@@ -64,7 +64,7 @@ def test_everything_that_can_be_reached_and_sensed_is_known(
 
 
 @settings(max_examples=200, deadline=None)
-@given(case=expeditions(robots=3), options=OPTIONS)
+@given(case=exploration_cases(robots=3), options=OPTIONS)
 def test_what_holds_of_every_trace(case: dict[str, Any], options: dict[str, Any]) -> None:
     exploration = run(case, **options)
     world, steps = case["world"], exploration.steps
@@ -91,10 +91,10 @@ def test_what_holds_of_every_trace(case: dict[str, Any], options: dict[str, Any]
 
 
 @settings(max_examples=100, deadline=None)
-@given(case=expeditions(robots=3), options=OPTIONS)
+@given(case=exploration_cases(robots=3), options=OPTIONS)
 def test_replay_and_curve_tell_the_same(case: dict[str, Any], options: dict[str, Any]) -> None:
     exploration = run(case, **options)
-    curve, replay = coverage_curve(exploration), Replay(exploration)
+    curve, replay = coverage_curve(exploration), ExplorationReplay(exploration)
     count = len(exploration.steps)
     for moment in sorted({0, count // 3, count // 2, count}):
         replay.advance(moment)
@@ -111,14 +111,14 @@ def test_replay_and_curve_tell_the_same(case: dict[str, Any], options: dict[str,
 
 @pytest.mark.parametrize("steps", [0, 1, 5])
 def test_max_steps(steps: int) -> None:
-    summary = explore(BOOK["fig9_9"], [(5, 9)], ExploreParameters(max_steps=steps),
+    summary = explore(BOOK["fig9_9"], [(5, 9)], ExplorationParameters(max_steps=steps),
                       BOOK["fig9_4"]).summary  # fmt: skip
     assert (summary.steps, summary.reason) == (steps, "max-steps")
 
 
 def test_max_distance_is_never_exceeded() -> None:
     for metres in (0.0, 2.9, 3.0, 6.99):
-        parameters = ExploreParameters(max_distance=metres)
+        parameters = ExplorationParameters(max_distance=metres)
         summary = explore(BOOK["fig9_9"], [(5, 9)], parameters, BOOK["fig9_4"]).summary
         # The first goals are 2, 1 and 4 cells away.
         assert summary.distance_m == {0.0: 0, 2.9: 2, 3.0: 3, 6.99: 3}[metres]
@@ -126,12 +126,12 @@ def test_max_distance_is_never_exceeded() -> None:
 
 
 def test_max_distance_counts_metres() -> None:
-    summary = explore(HALL, [(6, 6)], ExploreParameters(max_distance=3.0)).summary
+    summary = explore(HALL, [(6, 6)], ExplorationParameters(max_distance=3.0)).summary
     assert (summary.distance_m, summary.distance_cells) == (3.0, 6)
 
 
 def test_coverage() -> None:
-    summary = explore(HALL, [(6, 6)], ExploreParameters(coverage=0.5)).summary
+    summary = explore(HALL, [(6, 6)], ExplorationParameters(coverage=0.5)).summary
     assert summary.reason == "coverage"
     assert 0.5 <= summary.coverage < 0.55
 
@@ -139,13 +139,13 @@ def test_coverage() -> None:
 def test_limits_stop_every_robot_where_it_is() -> None:
     robots = [(0, 0), (11, 11), (0, 11)]
     for limits in ({"coverage": 0.5}, {"max_steps": 20}, {"max_distance": 10.0}):
-        run = explore(HALL, robots, ExploreParameters(**limits, return_home=True))
+        run = explore(HALL, robots, ExplorationParameters(**limits, return_home=True))
         assert run.summary.steps <= 20 + len(robots) or "max_steps" not in limits
         assert [s.goal for s in run.steps if s.kind == "home"][-3:] != []
 
 
 def test_return_home() -> None:
-    run = explore(BOOK["fig9_9"], [(5, 9)], ExploreParameters(return_home=True), BOOK["fig9_4"])
+    run = explore(BOOK["fig9_9"], [(5, 9)], ExplorationParameters(return_home=True), BOOK["fig9_4"])
     last = run.steps[-1]
     assert (last.kind, last.goal, last.origin) == ("home", (5, 9), (8, 13))
     assert len(last.path) == 7
@@ -190,7 +190,7 @@ def test_robots_move_at_the_same_time() -> None:
 
 
 def test_a_robot_up_to_a_cell_wide_is_a_point() -> None:
-    small = explore(HALL, [(6, 6)], ExploreParameters(robot_radius=0.25))
+    small = explore(HALL, [(6, 6)], ExplorationParameters(robot_radius=0.25))
     point = explore(HALL, [(6, 6)])
     np.testing.assert_array_equal(small.steps.goal, point.steps.goal)
 
@@ -198,14 +198,14 @@ def test_a_robot_up_to_a_cell_wide_is_a_point() -> None:
 def test_a_robot_does_not_go_where_it_does_not_fit() -> None:
     """A gap of one cell in the wall: a robot of more than one cell stays on its side."""
     world = grid_of(*["......#......"] * 4, ".............", *["......#......"] * 4)
-    wide = ExploreParameters(robot_radius=0.6, sensor_range=20)
+    wide = ExplorationParameters(robot_radius=0.6, sensor_range=20)
     run = explore(world, [(4, 1)], wide)
     assert all(step.goal[1] < 6 for step in run.steps)
     obstacles = np.argwhere(world.cells > 0.5)
     for row, column in run.steps.path:
         gap = np.maximum(np.abs(obstacles - (row, column)) - 0.5, 0)
         assert (np.hypot(*gap.T) >= 0.6).all()
-    through = explore(world, [(4, 1)], ExploreParameters(robot_radius=0.5, sensor_range=20))
+    through = explore(world, [(4, 1)], ExplorationParameters(robot_radius=0.5, sensor_range=20))
     assert through.summary.coverage == 1.0
     assert run.summary.coverage < 1.0
 
@@ -213,10 +213,10 @@ def test_a_robot_does_not_go_where_it_does_not_fit() -> None:
 def test_a_robot_looks_where_it_cannot_go() -> None:
     """It does not fit through the door, but sees all of the room behind it that it can."""
     world = grid_of(*["......#......"] * 4, ".............", *["......#......"] * 4)
-    run = explore(world, [(4, 1)], ExploreParameters(robot_radius=0.6, sensor_range=20))
-    lookouts = [step for step in run.steps if step.kind == "lookout"]
-    assert lookouts
-    assert all(len(step.cells) for step in lookouts)
+    run = explore(world, [(4, 1)], ExplorationParameters(robot_radius=0.6, sensor_range=20))
+    viewpoints = [step for step in run.steps if step.kind == "lookout"]
+    assert viewpoints
+    assert all(len(step.cells) for step in viewpoints)
     seen_behind = np.count_nonzero(~np.isnan(run.after.cells[:, 7:]))
     assert seen_behind > 20
     assert run.summary.reason == "unreachable"
@@ -224,7 +224,7 @@ def test_a_robot_looks_where_it_cannot_go() -> None:
 
 
 @settings(max_examples=150, deadline=None)
-@given(case=expeditions(robots=2), options=OPTIONS, radius=st.sampled_from([0.6, 1.0, 1.6]))
+@given(case=exploration_cases(robots=2), options=OPTIONS, radius=st.sampled_from([0.6, 1.0, 1.6]))
 def test_a_robot_with_a_radius_misses_nothing(
     case: dict[str, Any], options: dict[str, Any], radius: float
 ) -> None:
@@ -250,7 +250,7 @@ def test_a_robot_in_a_tight_spot_gets_out() -> None:
     world = grid_of(
         "#########", "#.......#", "#.......#", "#.......#", "#.......#", "###...###", "####.####"
     )
-    run = explore(world, [(6, 4)], ExploreParameters(robot_radius=0.6, return_home=True))
+    run = explore(world, [(6, 4)], ExplorationParameters(robot_radius=0.6, return_home=True))
     assert run.after.cells[2, 4] == np.float32(0.1)
     assert run.steps[-1].kind == "home"
     # Home is too tight by now; it stops at the place nearest to it where it fits.
@@ -319,7 +319,7 @@ def test_known_of_another_size() -> None:
 def test_a_radius_that_fits_nowhere(radius: float) -> None:
     world = grid_of("#####", "#...#", "#####")
     with pytest.raises(DataError, match=r"robot 1 at 1,1 with a radius of .* m fits nowhere"):
-        explore(world, [(1, 1)], ExploreParameters(robot_radius=radius))
+        explore(world, [(1, 1)], ExplorationParameters(robot_radius=radius))
 
 
 @pytest.mark.parametrize(
@@ -333,7 +333,7 @@ def test_a_radius_that_fits_nowhere(radius: float) -> None:
 )  # fmt: skip
 def test_parameters_outside_their_range(parameters: dict[str, Any]) -> None:
     with pytest.raises(DataError, match=next(iter(parameters)).replace("_", " ")):
-        ExploreParameters(**parameters)
+        ExplorationParameters(**parameters)
 
 
 def test_inputs_are_not_changed() -> None:

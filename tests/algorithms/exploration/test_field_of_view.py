@@ -9,19 +9,19 @@ from hypothesis import strategies as st
 from support.exploring import grid_of, worlds
 from support.literal_frontier import look_by_rays
 
-from mapcli.algorithms.exploration.exploration_parameters import ExploreParameters
+from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
 from mapcli.algorithms.exploration.exploration_state import OPEN, UNKNOWN
 from mapcli.algorithms.exploration.field_of_view import (
     THROUGH_OPEN,
     THROUGH_UNKNOWN,
     cells_in_range,
-    expected,
-    look,
-    make_sight,
+    expected_gain,
+    make_field_of_view,
+    visible_cells,
 )
 from mapcli.algorithms.exploration.goal_selection import make_chooser
-from mapcli.algorithms.exploration.initialisation import take_stock
-from mapcli.algorithms.exploration.loop_arrays import cells_of, make_field
+from mapcli.algorithms.exploration.initialisation import register_known_map
+from mapcli.algorithms.exploration.loop_arrays import cells_of, make_state
 from mapcli.algorithms.exploration.visibility import shows_unknown
 from mapcli.model.grid import GridMap
 
@@ -29,12 +29,12 @@ Cell = tuple[int, int]
 
 
 def seen_from(world: GridMap, cell: Cell, sensor_range: int, passed: int) -> list[Cell]:
-    field = make_field(world, world, ExploreParameters(sensor_range=sensor_range))
-    sight = make_sight(field, sensor_range)
-    index = (cell[0] + 1) * field.stride + cell[1] + 1
-    kinds = field.world if passed == THROUGH_OPEN else field.known
-    count = look(field, sight, kinds, passed, index)
-    cells = cells_of(field, np.array([sight.seen[k] for k in range(count)])).tolist()
+    state = make_state(world, world, ExplorationParameters(sensor_range=sensor_range))
+    fov = make_field_of_view(state, sensor_range)
+    index = (cell[0] + 1) * state.stride + cell[1] + 1
+    kinds = state.world if passed == THROUGH_OPEN else state.known
+    count = visible_cells(state, fov, kinds, passed, index)
+    cells = cells_of(state, np.array([fov.seen[k] for k in range(count)])).tolist()
     return [(row, column) for row, column in cells]
 
 
@@ -109,21 +109,21 @@ def test_most_that_can_be_expected(sensor_range: int, cells: int) -> None:
     """A goal is worth no more than the range allows: this stops the search for a better one."""
     hall = GridMap(np.full((13, 13), np.nan, dtype=np.float32))
     hall.cells[6, 6] = 0.1
-    field = make_field(hall, hall, ExploreParameters(sensor_range=sensor_range))
-    sight = make_sight(field, sensor_range)
-    assert cells_in_range(sight) == cells
-    assert expected(field, sight, 7 * field.stride + 7) == cells
-    assert make_chooser("gain", field, sight).most == cells
+    state = make_state(hall, hall, ExplorationParameters(sensor_range=sensor_range))
+    fov = make_field_of_view(state, sensor_range)
+    assert cells_in_range(fov) == cells
+    assert expected_gain(state, fov, 7 * state.stride + 7) == cells
+    assert make_chooser("gain", state, fov).max_utility == cells
 
 
 @settings(max_examples=200, deadline=None)
 @given(world=worlds(largest=9), sensor_range=st.integers(1, 12))
 def test_a_glimpse_shows_what_a_look_shows(world: np.ndarray, sensor_range: int) -> None:
-    field = make_field(GridMap(world), GridMap(world), ExploreParameters())
-    take_stock(field)
-    sight = make_sight(field, sensor_range)
+    state = make_state(GridMap(world), GridMap(world), ExplorationParameters())
+    register_known_map(state)
+    fov = make_field_of_view(state, sensor_range)
     for row, column in np.argwhere(world < np.float32(0.5)).tolist():
-        cell = (row + 1) * field.stride + column + 1
-        glimpsed = shows_unknown(field, sight, cell)
-        count = look(field, sight, field.known, THROUGH_OPEN, cell)
-        assert glimpsed == any(field.known[sight.seen[k]] == UNKNOWN for k in range(count))
+        cell = (row + 1) * state.stride + column + 1
+        glimpsed = shows_unknown(state, fov, cell)
+        count = visible_cells(state, fov, state.known, THROUGH_OPEN, cell)
+        assert glimpsed == any(state.known[fov.seen[k]] == UNKNOWN for k in range(count))

@@ -9,7 +9,7 @@ import pytest
 from support.exploring import BOOK, STRATEGIES, as_records, grid_of, open_cells
 from support.literal_frontier import LiteralFrontier
 
-from mapcli.algorithms.exploration.exploration_parameters import ExploreParameters
+from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
 from mapcli.algorithms.exploration.explore import explore, plan
 from mapcli.model.exploration import Exploration, Step
 from mapcli.model.grid import GridMap
@@ -21,7 +21,7 @@ def sensed(step: Step) -> list[tuple[Any, ...]]:
 
 
 def book_run(**options: Any) -> Exploration:
-    return explore(BOOK["fig9_9"], [(5, 9)], ExploreParameters(**options), BOOK["fig9_4"])
+    return explore(BOOK["fig9_9"], [(5, 9)], ExplorationParameters(**options), BOOK["fig9_4"])
 
 
 def test_figures_9_5_to_9_8() -> None:
@@ -60,7 +60,7 @@ def test_figure_9_9() -> None:
 
 def test_figure_9_10() -> None:
     labyrinth = BOOK["fig9_10"]
-    planned = plan(labyrinth, [(3, 3)], ExploreParameters("priority"), labyrinth)
+    planned = plan(labyrinth, [(3, 3)], ExplorationParameters("priority"), labyrinth)
     assert {f.cell: (f.unknown, f.distance, f.priority) for f in planned.frontier} == {
         (1, 3): (3, 2, 1.5),
         (2, 2): (2, 2, 1.0),
@@ -72,7 +72,7 @@ def test_figure_9_10() -> None:
     ("strategy", "goal", "priority"), [("nearest", (3, 2), 1.0), ("priority", (1, 3), 1.5)]
 )
 def test_figure_9_10_first_goal(strategy: Any, goal: tuple[int, int], priority: float) -> None:
-    labyrinth, parameters = BOOK["fig9_10"], ExploreParameters(strategy)
+    labyrinth, parameters = BOOK["fig9_10"], ExplorationParameters(strategy)
     (planned,) = plan(labyrinth, [(3, 3)], parameters, labyrinth).plan or ()
     first = explore(labyrinth, [(3, 3)], parameters, labyrinth).steps[0]
     assert planned.goal == first.goal == goal
@@ -102,7 +102,7 @@ def test_literal_algorithm_on_the_two_rooms(strategy: Any, known: str | None) ->
     world = BOOK["fig9_9"]
     told = BOOK[known] if known else None
     for robot in [(5, 9), (2, 6), (7, 7)] if known else [(5, 9), (8, 13), (2, 1), (5, 2)]:
-        run = explore(world, [robot], ExploreParameters(strategy), told)
+        run = explore(world, [robot], ExplorationParameters(strategy), told)
         literal = LiteralFrontier(
             world.cells, [robot], told.cells if told else None, strategy=strategy
         )
@@ -114,7 +114,7 @@ def test_literal_algorithm_in_the_labyrinth(strategy: Any) -> None:
     labyrinth = BOOK["fig9_10"]
     for known in (labyrinth, None):
         for robot in open_cells(labyrinth.cells):
-            run = explore(labyrinth, [robot], ExploreParameters(strategy), known)
+            run = explore(labyrinth, [robot], ExplorationParameters(strategy), known)
             literal = LiteralFrontier(
                 labyrinth.cells, [robot], known.cells if known else None, strategy=strategy
             )
@@ -139,7 +139,7 @@ def test_the_canonical_path() -> None:
 
 
 def test_diagonal_moves() -> None:
-    diagonal = ExploreParameters(connectivity=8)
+    diagonal = ExplorationParameters(connectivity=8)
     two_rows = grid_of("......", "......"), grid_of("....??", "....??")
     (goal,) = plan(two_rows[0], [(1, 0)], diagonal, two_rows[1]).plan or ()
     assert goal.path == [(0, 1), (0, 2), (0, 3)]
@@ -152,7 +152,7 @@ def test_diagonal_moves() -> None:
 def test_a_diagonal_move_is_one_move_and_longer_than_a_straight_one() -> None:
     world, known = grid_of("..#", "..#", "###"), grid_of("..#", "..?", "#??")
     halved = [GridMap(grid.cells, resolution=0.5) for grid in (world, known)]
-    run = explore(halved[0], [(0, 0)], ExploreParameters(connectivity=8), halved[1])
+    run = explore(halved[0], [(0, 0)], ExplorationParameters(connectivity=8), halved[1])
     assert [step.path.tolist() for step in run.steps] == [[[1, 1]]]
     assert (run.summary.distance_cells, run.summary.time_steps) == (1, 1)
     assert run.summary.distance_m == pytest.approx(0.5 * 2**0.5)
@@ -161,9 +161,9 @@ def test_a_diagonal_move_is_one_move_and_longer_than_a_straight_one() -> None:
 def test_probability_is_compared_with_low_as_it_is_written() -> None:
     """0.7 as float32 is a little less than 0.7, yet a cell of 0.7 is not below --low 0.7."""
     world = GridMap(np.array([[0.1, 0.7, 0.1]], dtype=np.float32))
-    run = explore(world, [(0, 0)], ExploreParameters(low=0.7))
+    run = explore(world, [(0, 0)], ExplorationParameters(low=0.7))
     assert run.summary.known_cells == 2
-    run = explore(world, [(0, 0)], ExploreParameters(low=0.71))
+    run = explore(world, [(0, 0)], ExplorationParameters(low=0.71))
     assert run.summary.known_cells == 3
 
 

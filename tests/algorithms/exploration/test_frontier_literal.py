@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.exploring import STRATEGIES, as_records, expeditions
+from support.exploring import STRATEGIES, as_records, exploration_cases
 from support.literal_frontier import LiteralFrontier
 
-from mapcli.algorithms.exploration.exploration_parameters import ExploreParameters
+from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
 from mapcli.algorithms.exploration.explore import explore
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
@@ -24,7 +24,7 @@ def assert_same(case: dict[str, Any], compiled: bool = False, **options: Any) ->
     exploration = explore(
         GridMap(case["world"]),
         case["robots"],
-        ExploreParameters(**ours),
+        ExplorationParameters(**ours),
         None if case["known"] is None else GridMap(case["known"]),
         compiled=compiled,
     )
@@ -38,28 +38,28 @@ def assert_same(case: dict[str, Any], compiled: bool = False, **options: Any) ->
 
 @pytest.mark.parametrize("strategy", STRATEGIES)
 @settings(max_examples=150, deadline=None)
-@given(case=expeditions())
+@given(case=exploration_cases())
 def test_one_robot(strategy: str, case: dict[str, Any]) -> None:
     assert_same(case, strategy=strategy)
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES)
 @settings(max_examples=60, deadline=None)
-@given(case=expeditions(robots=3))
+@given(case=exploration_cases(robots=3))
 def test_several_robots(strategy: str, case: dict[str, Any]) -> None:
     assert_same(case, strategy=strategy)
 
 
 @pytest.mark.parametrize("strategy", STRATEGIES)
 @settings(max_examples=60, deadline=None)
-@given(case=expeditions(robots=2), sensor_range=st.integers(2, 9))
+@given(case=exploration_cases(robots=2), sensor_range=st.integers(2, 9))
 def test_sensing_at_a_distance(strategy: str, case: dict[str, Any], sensor_range: int) -> None:
     assert_same(case, strategy=strategy, sensor_range=sensor_range)
 
 
 @settings(max_examples=100, deadline=None)
 @given(
-    case=expeditions(robots=2),
+    case=exploration_cases(robots=2),
     strategy=st.sampled_from(STRATEGIES),
     connectivity=st.sampled_from([4, 8]),
     sensor_range=st.sampled_from([1, 1, 3]),
@@ -71,7 +71,7 @@ def test_diagonal_moves_and_limits(case: dict[str, Any], **options: Any) -> None
 
 @settings(max_examples=150, deadline=None)
 @given(
-    case=expeditions(robots=2),
+    case=exploration_cases(robots=2),
     strategy=st.sampled_from(STRATEGIES),
     connectivity=st.sampled_from([4, 8]),
     sensor_range=st.sampled_from([1, 4]),

@@ -1,6 +1,6 @@
 """The loops of Algorithm 9.1, compiled.
 
-Their text is that of `algorithms/` itself: plain functions on flat arrays, which small maps run
+Their text is that of the room itself: plain functions on flat arrays, which small maps run
 as they are, so that no numba needs to be imported for them. Here the same functions are compiled
 for large maps. Nothing is written twice, and a test compares the two.
 """
@@ -14,36 +14,41 @@ from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any, TypeVar, cast
 
-from mapcli.algorithms.exploration import exploration_state as field
-from mapcli.algorithms.exploration import field_of_view as sensing
-from mapcli.algorithms.exploration import frontier
-from mapcli.algorithms.exploration import goal_selection as goals
-from mapcli.algorithms.exploration import initialisation as outset
-from mapcli.algorithms.exploration import path_search as motion
-from mapcli.algorithms.exploration import return_home as homecoming
-from mapcli.algorithms.exploration import robots as fleet
-from mapcli.algorithms.exploration import viewpoints as lookouts
-from mapcli.algorithms.exploration import visibility as glimpse
-from mapcli.algorithms.exploration import voronoi_partition as parts
+from mapcli.algorithms.exploration import (
+    exploration_state,
+    field_of_view,
+    frontier,
+    goal_selection,
+    initialisation,
+    limits,
+    path_search,
+    return_home,
+    robots,
+    trace_columns,
+    viewpoints,
+    visibility,
+    voronoi_partition,
+)
 
 MODULES = (
-    field, sensing, motion, parts, goals, glimpse, lookouts, fleet, frontier, homecoming, outset,
+    exploration_state, field_of_view, trace_columns, path_search, voronoi_partition,
+    goal_selection, visibility, viewpoints, robots, limits, frontier, return_home, initialisation,
 )  # fmt: skip
 """Whose functions are compiled, callees first."""
 
 
 CALLED_FROM_PYTHON = (
-    field.unknown_neighbours,
-    frontier.explore,
+    exploration_state.unknown_neighbours,
+    frontier.explore_frontier,
     frontier.choose_goal,
-    goals.shown_worth,
-    homecoming.go_home,
-    homecoming.stay,
-    motion.spread_all,
-    motion.write_path,
-    outset.finds_room,
-    outset.mark_explorable,
-    outset.take_stock,
+    goal_selection.reported_utility,
+    return_home.return_home,
+    return_home.record_stops,
+    path_search.search_everything,
+    path_search.write_path,
+    initialisation.has_place_to_stand,
+    initialisation.mark_explorable,
+    initialisation.register_known_map,
 )
 """The others need no way in from Python, which would take as long to compile as they do."""
 
