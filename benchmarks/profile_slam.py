@@ -28,7 +28,7 @@ from mapcli.formats.logs.open_log import open_log
 
 STAGES = {
     "perceiving": ("mapcli.algorithms.slam.slam", "perceive"),
-    "matching": ("mapcli.algorithms.slam.slam", "best_pose"),
+    "matching": ("mapcli.algorithms.slam.slam", "match_scan"),
     "updating": ("mapcli.algorithms.slam.local_map", "LocalMap.update"),
     "closing loops": ("mapcli.algorithms.slam.loop_closure", "LoopCloser.run"),
     "refining": ("mapcli.algorithms.slam.back_end", "refine"),

@@ -43,7 +43,7 @@ from mapcli.model.pose import Pose2D
 from mapcli.model.summary import Limit
 
 MAP, MATCH, PERCEPTION = MapParameters(), MatchParameters(), PerceptionParameters()
-CURRENT = LocalMapParameters()
+LOCAL_MAP = LocalMapParameters()
 
 
 def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Command], Command]:
@@ -186,8 +186,10 @@ def slam_parameters(
         raise click.UsageError("--range-max is not more than --range-min.")
     if search != "window":
         loops = False  # poses that are not searched for closely are not worth it
+    max_length_m = LOCAL_MAP.max_length_m if loops else None  # without loops, forget nothing
     return SlamParameters(
-        current=replace(CURRENT, frozen=frozen, most_m=CURRENT.most_m if loops else None),
+        local_map=replace(LOCAL_MAP, frozen=frozen, max_length_m=max_length_m),
+        detect_odometry_faults=loops,  # a map that never forgets contradicts right poses as well
         loops=LoopParameters() if loops else None,
         map=replace(
             MAP,

@@ -209,7 +209,7 @@ def test_a_robot_that_is_not_in_the_map(capsys: pytest.CaptureFixture[str]) -> N
     before = files()
     assert replay("-q", CORRIDOR, "--known", "closet.txt", "--localize") == 1
     line = complaint(capsys)
-    assert "10 scans are found nowhere in the known map; expected --initial-pose" in line
+    assert "10 scans are found nowhere in the known map; expected a start pose" in line
     assert files() == before
 
 

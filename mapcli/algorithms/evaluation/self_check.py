@@ -20,10 +20,10 @@ from mapcli.algorithms.evaluation.relations import evaluate_relations
 from mapcli.algorithms.evaluation.trajectory_error import nearest_stamps
 from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.slam.agreement import agreement
-from mapcli.algorithms.slam.match import MatchParameters
+from mapcli.algorithms.slam.match import MIN_POINTS, MatchParameters
 from mapcli.algorithms.slam.motion_model import OdometryUncertainty
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
-from mapcli.algorithms.slam.scan_matcher import best_pose
+from mapcli.algorithms.slam.scan_matcher import match_scan
 from mapcli.algorithms.slam.scan_points import thinned
 from mapcli.errors import DataError
 from mapcli.model.evaluation import Evaluation
@@ -187,15 +187,15 @@ def align(
 ) -> Pose2D | None:
     """The pose of `scan` in the frame of `base` by their beams alone; None if it is in doubt."""
     points = thinned(scan.hits, MAP.resolution)
-    if len(points) < MatchParameters.fewest or len(base.hits) < MatchParameters.fewest:
+    if len(points) < MIN_POINTS or len(base.hits) < MIN_POINTS:
         return None
     grid = OccupancyGrid(MAP)
     grid.integrate(Pose2D(), replace(base, hits=dense(base.hits, MAP.resolution)))
     # No prior: the guess is where to look, not what to believe.
     search = MatchParameters(
-        window_xy=p.window_m, window_theta_deg=p.window_deg, prior=0.0, lost_below=0.0
+        window_xy=p.window_m, window_theta_deg=p.window_deg, odometry_prior=0.0, relocalise=False
     )
-    match = best_pose(
+    match = match_scan(
         grid,
         scan,
         guess,

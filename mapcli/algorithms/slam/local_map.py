@@ -1,9 +1,10 @@
-"""m, the current map of Algorithm 9.2: what each new scan is compared with.
+"""m, the map of Algorithm 9.2 that each new scan is matched with: a local map that forgets.
 
 A map that never forgets is the book's. But after a long way round the robot comes back with an
 error; compared with walls from the first visit and from just now at once, scans would tear the
-map. So where loops are closed afterwards, the current map holds the last metres only, and old
-walls are met again in `loops`.
+map. So where loops are closed afterwards, the local map holds the last metres only, and old walls
+are met again by `loop_closure`. As in Cartographer there are up to two active submaps: the older
+one is matched with, the younger one is written to as well and takes over when the older is full.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapcli.algorithms.scans.perception import Perception
+from mapcli.algorithms.slam.match import MIN_POINTS
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.model.pose import Pose2D
 
@@ -23,85 +25,88 @@ ROOM_M = 15.0
 
 @dataclass(frozen=True)
 class LocalMapParameters:
-    """When the current map is written to, and what it forgets.
+    """When the local map is written to, and what it forgets.
 
     Attributes:
         update_m, update_deg: the map is updated when the robot has moved or turned this far.
             Writing every scan lets the small errors of many poses smear the walls they are
             matched against, and a map that is smeared lets the next poses drift.
-        most_m: metres driven that the map remembers at most; None never forgets.
-        least_m, least_updates: metres driven, and updates, that it remembers at least.
-        fewest: a scan of fewer points is nothing to start a map with.
+        max_length_m: metres driven that the map remembers at most; None never forgets.
+        min_length_m, min_updates: metres driven, and updates, that it remembers at least.
         frozen: the map is not written to at all.
     """
 
     update_m: float = 0.3
     update_deg: float = 17.0
-    most_m: float | None = 30.0
-    least_m: float = 7.5
-    least_updates: int = 10
-    fewest: int = 5
+    max_length_m: float | None = 30.0
+    min_length_m: float = 7.5
+    min_updates: int = 10
     frozen: bool = False
 
 
 class LocalMap:
     """The map being made (stateful: `update` changes it).
 
-    It forgets by giving way, after `most_m`, to a younger map that was begun `least_m` before.
+    It forgets by giving way, after `max_length_m`, to the next active submap, which was begun
+    `min_length_m` before.
 
     Attributes:
-        grid: what to compare with.
+        grid: what scans are matched with, the older active submap.
     """
 
     def __init__(self, grid: OccupancyGrid, parameters: LocalMapParameters) -> None:
         self.grid, self.parameters = grid, parameters
-        self._younger: OccupancyGrid | None = None
+        self._next: OccupancyGrid | None = None
+        self._next_scans: list[tuple[Pose2D, Perception]] = []
         self._updated_at: Pose2D | None = None
-        self._young_scans: list[tuple[Pose2D, Perception]] = []
-        self._metres = self._young_from = 0.0
+        self._metres = self._next_from = 0.0
 
     def update(self, pose: Pose2D, perception: Perception) -> bool:
-        """Line 10, if the robot has come far enough since the last update; whether it has."""
+        """Line 10, if the robot has come far enough since the last update; whether it has.
+
+        Args:
+            pose: of the robot in the map.
+        """
         last = self._updated_at
         if self.parameters.frozen:
             return False
-        if last is not None and not self._is_new_ground(last.between(pose)):
+        if last is not None and not self._is_far_enough(last.between(pose)):
             return False
         self.grid.integrate(pose, perception)
-        if len(perception.hits) < self.parameters.fewest:
+        if len(perception.hits) < MIN_POINTS:
             return last is not None
         self._metres += last.distance(pose) if last else 0.0
         self._updated_at = pose
         self._forget(pose, perception)
         return True
 
-    def _is_new_ground(self, since: Pose2D) -> bool:
+    def _is_far_enough(self, since: Pose2D) -> bool:
         p = self.parameters
         far = math.hypot(since.x, since.y) >= p.update_m
         return far or abs(since.theta) >= math.radians(p.update_deg)
 
     def _forget(self, pose: Pose2D, perception: Perception) -> None:
-        """Begin a younger map when it is time, write to it, and let it take over."""
+        """Begin the next active submap when it is time, write to it, and let it take over."""
         p = self.parameters
-        if p.most_m is None:
+        if p.max_length_m is None:
             return
-        if self._younger is None and self._metres >= p.most_m - p.least_m:
-            self._younger, self._young_from = self._begun_at(pose), self._metres
-        if self._younger is None:
+        if self._next is None and self._metres >= p.max_length_m - p.min_length_m:
+            self._next, self._next_from = self._begin_at(pose), self._metres
+        if self._next is None:
             return
-        self._younger.integrate(pose, perception, field=False)
-        self._young_scans.append((pose, perception))
-        if self._metres >= p.most_m and len(self._young_scans) >= p.least_updates:
-            self._take_over(self._younger)
+        self._next.integrate(pose, perception, field=False)
+        self._next_scans.append((pose, perception))
+        if self._metres >= p.max_length_m and len(self._next_scans) >= p.min_updates:
+            self._take_over(self._next)
 
-    def _take_over(self, younger: OccupancyGrid) -> None:
-        younger.make_field()
-        for pose, perception in self._young_scans:
-            younger.bridge(pose, perception)
-        self.grid, self._younger, self._young_scans = younger, None, []
-        self._metres -= self._young_from
+    def _take_over(self, grid: OccupancyGrid) -> None:
+        grid.make_field()
+        for pose, perception in self._next_scans:
+            grid.bridge(pose, perception)
+        self.grid, self._next, self._next_scans = grid, None, []
+        self._metres -= self._next_from
 
-    def _begun_at(self, pose: Pose2D) -> OccupancyGrid:
+    def _begin_at(self, pose: Pose2D) -> OccupancyGrid:
         """An empty map with room for what is likely to come, so that it need not grow often."""
         grid, here = OccupancyGrid(self.grid.parameters), np.array([pose.x, pose.y])
         grid.cover(here - ROOM_M, here + ROOM_M)

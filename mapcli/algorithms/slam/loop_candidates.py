@@ -9,13 +9,13 @@ for each new submap instead of 0.2.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapcli.algorithms.slam.correlative_search import SearchWindow
 from mapcli.algorithms.slam.pose_graph import GraphPath, PoseGraph
-from mapcli.model.se2_uncertainty import StandardDeviations, largest_position_variance
+from mapcli.model.se2_uncertainty import largest_position_variance
 
 APART_M = 20.0
 """Metres to be driven before a place can be an old one; also, what two visits are apart at least.
@@ -27,23 +27,12 @@ NEAR_M = 4.0
 MOST_CANDIDATES = 4
 """Old visits that are compared with a submap at most; the time for loops goes with it."""
 
-WINDOW_DEVIATIONS = 3.0
+WINDOW_SIGMAS = 3.0
 """Standard deviations of the graph that a window reaches to either side."""
 
 DRIFT = 0.005
 """Metres of error for each metre along the path that the covariance does not know of: errors of
 matches in the same corridor are alike, and add up faster than independent ones."""
-
-
-class SearchWindow(NamedTuple):
-    """Half-widths of a window around a predicted pose: metres in x and y, radians."""
-
-    xy: float
-    theta: float
-
-    def deviations(self) -> StandardDeviations:
-        """Of the pose that is searched in it."""
-        return StandardDeviations(self.xy / WINDOW_DEVIATIONS, self.theta / WINDOW_DEVIATIONS)
 
 
 LEAST_WINDOW = SearchWindow(0.3, math.radians(2.0))
@@ -94,8 +83,8 @@ def search_window(path: GraphPath, widest_xy: float) -> SearchWindow:
     """Where a submap may be, as seen from the other end of a path: the deviations along it, in
     the most uncertain direction."""
     variance = largest_position_variance(path.covariance)
-    xy = WINDOW_DEVIATIONS * math.sqrt(variance + (DRIFT * path.metres) ** 2)
-    turn = WINDOW_DEVIATIONS * math.sqrt(float(path.covariance[2, 2]))
+    xy = WINDOW_SIGMAS * math.sqrt(variance + (DRIFT * path.metres) ** 2)
+    turn = WINDOW_SIGMAS * math.sqrt(float(path.covariance[2, 2]))
     return SearchWindow(
         min(LEAST_WINDOW.xy + xy, widest_xy), min(LEAST_WINDOW.theta + turn, WIDEST_TURN)
     )

@@ -27,7 +27,12 @@ from typing import NamedTuple
 import numpy as np
 
 from mapcli.algorithms.slam.keyframes import Keyframe
-from mapcli.algorithms.slam.loop_candidates import APART_M, find_candidates, search_window
+from mapcli.algorithms.slam.loop_candidates import (
+    APART_M,
+    WINDOW_SIGMAS,
+    find_candidates,
+    search_window,
+)
 from mapcli.algorithms.slam.occupancy_grid import MapParameters
 from mapcli.algorithms.slam.pose_graph import Edge, GraphPath, PoseGraph
 from mapcli.algorithms.slam.submap_matcher import SubmapMatch, SubmapMatcher
@@ -155,7 +160,7 @@ class LoopCloser:
         window = search_window(path, self.parameters.widest_xy)
         predicted = self.graph.poses[old].between(self.graph.poses[new])
         a, b = self.submaps[old].origin, self.submaps[new].origin
-        match = self.matcher.match(a, b, predicted, window, window.deviations())
+        match = self.matcher.match(a, b, predicted, window, window.deviations(WINDOW_SIGMAS))
         if match is not None and self.is_reliable(match):
             self.propose(Edge(old, new, match.pose, match.covariance), match.score)
 

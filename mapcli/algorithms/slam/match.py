@@ -1,46 +1,39 @@
-"""What a search for the best test position is asked, and what it answers (see `matching`)."""
+"""What scan matching is asked (`MatchParameters`), and what it answers (`Match`)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mapcli.algorithms.similarity.measures import Similarity
 from mapcli.model.pose import Pose2D
+from mapcli.model.se2_uncertainty import InformationMatrix
 
 Search = Literal["window", "book", "none"]
+
+MIN_POINTS = 5
+"""A scan with fewer points, or fewer on known cells, says nothing about the pose."""
+
+MIN_OVERLAP = 0.4
+"""The share of a scan's points that fall on known cells, at least, where it is believed to belong
+without odometry saying so."""
 
 
 @dataclass(frozen=True)
 class MatchParameters:
-    """How T is searched.
+    """How T, the test positions of Algorithm 9.2, is searched.
 
     Attributes:
-        search: see `matching`.
-        window_xy, window_theta_deg: half-widths of the window, to which the reach of the
-            odometry's error is added.
+        search: see `scan_matcher`.
+        window_xy, window_theta_deg: half-widths of the window, metres and degrees, to which a few
+            standard deviations of odometry are added.
         step_xy: metres between test positions, rounded to whole cells; None is one cell.
         step_theta_deg: degrees between test headings.
         similarity: how `book` compares; `window` always uses the likelihood field.
-        prior: the most that leaving the odometry's pose costs, as a share of a perfect score.
-        prior_knee: squared standard deviations that cost half of it.
-        trusted: standard deviations within which the pose next to the odometry's is taken
-            without a search, if the scan fits there as usual.
-        indifferent: the pose next to the odometry's is taken when its agreement is at most this
-            much less than the best one's.
+        odometry_prior: the most that leaving the odometry's pose costs, as a share of a perfect
+            score.
+        relocalise: search far around when the scan fits the map worse than those before.
         refine: go on from the best test position to the last millimetres.
-        fewest: a scan of fewer points says nothing; `usual`: a scan of fewer says less than it
-            seems to, so the prior weighs as if it had that many.
-        lost_below: the share of the usual agreement below which odometry is suspected; then
-        lost_xy, lost_xy_per_m, lost_theta_deg: a window of this half-width is searched, and
-            believed when the agreement there is usual again, better by `lost_gain_at_once`, or a
-            second time by `lost_gain` and at most `lost_leap` metres away, and the scan overlaps
-            the map by `lost_overlap`.
-        odd_below: the share of the usual agreement below which the map has nothing like the scan,
-            which then says nothing.
     """
 
     search: Search = "window"
@@ -49,22 +42,9 @@ class MatchParameters:
     step_xy: float | None = None
     step_theta_deg: float = 0.5
     similarity: Similarity = "product"
-    prior: float = 0.1
-    prior_knee: float = 9.0
-    trusted: float = 2.0
-    indifferent: float = 0.03
+    odometry_prior: float = 0.1
+    relocalise: bool = True
     refine: bool = True
-    fewest: int = 5
-    usual: int = 40
-    lost_below: float = 0.9
-    lost_gain: float = 0.1
-    lost_gain_at_once: float = 0.2
-    lost_leap: float = 1.0
-    lost_overlap: float = 0.4
-    lost_xy: float = 0.5
-    lost_xy_per_m: float = 2.2
-    lost_theta_deg: float = 45.0
-    odd_below: float = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,33 +52,33 @@ class Match:
     """The best test position.
 
     Attributes:
-        pose: world pose of the robot.
-        score: agreement of the scan with the map where both know something, 0 to 1.
-        known_points: points of the scan that fall there.
+        pose: of the robot in the map.
+        score: mean agreement of the scan with the map on the known points, 0 to 1.
+        known_points: points of the scan on cells that the map knows something about.
         found: whether the scan could say anything; otherwise the pose is the odometry's.
-        information: shape (3, 3), how well the map alone fixes the pose, in the robot's frame:
-            the inverse of a covariance of metres and radians; None where it was not asked.
-        free_space_conflicts: points of the scan where the map knows that there is no wall.
-        doubtful: another pose, far from the odometry's, agrees clearly better with the map.
+        information: on the pose from the map alone, in the robot's frame; None where it was not
+            asked.
+        free_space_conflicts: points of the scan where the map knows free space.
+        relocalisation_candidate: another pose, far from the odometry's, has a clearly better score.
     """
 
     pose: Pose2D
     score: float
     known_points: int
     found: bool
-    information: NDArray[np.float64] | None = None
+    information: InformationMatrix | None = None
     free_space_conflicts: int = 0
-    doubtful: bool = False
+    relocalisation_candidate: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class MatchHistory:
-    """What the scans before tell.
+    """What the matches of the scans before tell.
 
     Attributes:
-        score: the agreement that is usual in this log.
-        doubted: the last scan's match was doubtful.
+        running_score: exponential moving average of their scores.
+        relocalisation_candidate: the last one had a clearly better pose far from the odometry's.
     """
 
-    score: float = 1.0
-    doubted: bool = False
+    running_score: float = 1.0
+    relocalisation_candidate: bool = False

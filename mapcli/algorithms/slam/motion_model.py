@@ -1,22 +1,21 @@
-"""Lines 2 and 3 of Algorithm 9.2: how far the robot has moved, as far as its wheels can tell."""
+"""Lines 2 and 3 of Algorithm 9.2: how far the robot has moved by its odometry (dead reckoning), and
+how far off that may be (the odometry motion model)."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from mapcli.algorithms.slam.odometry_calibration import CalibrationParameters, OdometryCalibration
+from mapcli.algorithms.slam.odometry_calibration import OdometryCalibration
 from mapcli.model.pose import Pose2D
-from mapcli.model.se2_uncertainty import StandardDeviations
+from mapcli.model.se2_uncertainty import InformationMatrix, StandardDeviations
 
 HIGHEST_SPEED = 5.0
 """Metres per second; odometry that claims more (and more than a metre) has jumped."""
 
 WINDOW_SIGMAS, SILENT_WINDOW_SIGMAS = 4.0, 2.0
-"""Half-widths of the search window, in standard deviations: with odometry and without."""
+"""Half-widths of the search window, in standard deviations: with odometry, whose errors have heavy
+tails, and without, where twice the deviation is as far as a robot can be followed."""
 
 
 @dataclass(frozen=True)
@@ -28,8 +27,8 @@ class MotionModel:
             and per radian of motion.
         turn_floor_deg: degrees; turn_per_rad: radians per radian; turn_deg_per_m: degrees per
             metre.
-        silent_xy, silent_turn_deg: where there is no odometry at all, and the robot is looked for
-            around where it was; twice as much is as far as it can be followed.
+        silent_xy, silent_turn_deg: where there is no odometry at all, and the robot is searched
+            for around where it was.
     """
 
     xy_floor: float = 0.02
@@ -42,7 +41,7 @@ class MotionModel:
     silent_turn_deg: float = 10.0
 
     def uncertainty(self, motion: Pose2D | None) -> OdometryUncertainty:
-        """What to expect after a motion; None is unknown."""
+        """Of the pose after a motion, in the robot's frame before it; None is an unknown motion."""
         if motion is None:
             deviations = StandardDeviations(self.silent_xy, math.radians(self.silent_turn_deg))
             return OdometryUncertainty(deviations, 0.0, SILENT_WINDOW_SIGMAS)
@@ -69,30 +68,40 @@ class OdometryUncertainty:
     metres: float
     window_sigmas: float = WINDOW_SIGMAS
 
+    def separates(self, predicted: Pose2D, pose: Pose2D, sigmas: float) -> bool:
+        """Whether two poses differ by more than so many standard deviations, in position or in
+        heading."""
+        turn = abs(predicted.between(pose).theta)
+        far = predicted.distance(pose) > sigmas * self.deviations.xy
+        return far or turn > sigmas * self.deviations.theta
+
 
 class DeadReckoning:
-    """The wheels' motions from scan to scan (stateful: it learns how wrong they usually are).
+    """Odometry's motion from scan to scan (stateful: it calibrates itself).
 
     Attributes:
-        calibration: what has been learned.
+        calibration: odometry's systematic errors, as far as they are known; None leaves it as it
+            is counted.
         jumps: steps in which the odometry leapt and was not believed.
     """
 
-    def __init__(
-        self,
-        model: MotionModel | None = None,
-        calibration: CalibrationParameters | None = None,
-    ) -> None:
+    def __init__(self, model: MotionModel | None = None, *, calibrate: bool = True) -> None:
         self.model = model or MotionModel()
-        self.calibration = OdometryCalibration(calibration)
+        self.calibration = OdometryCalibration() if calibrate else None
         self.jumps = 0
         self._last: tuple[int, Pose2D | None] | None = None
         self._counted: Pose2D | None = None
 
     def motion(self, stamp_ns: int, odom: Pose2D | None) -> Pose2D | None:
-        """What the robot did since the last scan; None if it cannot be told."""
-        self._counted = self._count(stamp_ns, odom)
-        return None if self._counted is None else self.calibration.correct(self._counted)
+        """What the robot did since the last scan, in its frame then; None if it cannot be told.
+
+        Args:
+            odom: the odometry's pose at the scan's stamp; None where it is silent.
+        """
+        self._counted = counted = self._count(stamp_ns, odom)
+        if counted is None or self.calibration is None:
+            return counted
+        return self.calibration.correct(counted)
 
     def _count(self, stamp_ns: int, odom: Pose2D | None) -> Pose2D | None:
         last, self._last = self._last, (stamp_ns, odom)
@@ -108,9 +117,8 @@ class DeadReckoning:
         """How far off a predicted pose may be after a motion."""
         return self.model.uncertainty(motion)
 
-    def calibrate(self, found: Pose2D, information: NDArray[np.float64] | None) -> None:
-        """Compare the last motion with the one that the map shows, see `OdometryCalibration`."""
-        if self._counted is not None and information is not None:
-            self.calibration.calibrate(
-                self._counted, found, information, self.model.uncertainty(self._counted).deviations
-            )
+    def calibrate(self, found: Pose2D, information: InformationMatrix | None) -> None:
+        """Compare the last motion with the one found in the map, see `OdometryCalibration`."""
+        if self.calibration and self._counted is not None and information is not None:
+            deviations = self.model.uncertainty(self._counted).deviations
+            self.calibration.update(self._counted, found, information, deviations)

@@ -1,14 +1,13 @@
-"""What the log itself tells about its odometry: how far off the wheels count, on the whole.
+"""Online calibration of odometry: its systematic errors, estimated from the log itself.
 
-Wheels count too much or too little of every metre and of every turn, and drift to one side
-(Borenstein and Feng 1996: systematic errors). Where the map fixes the robot's motion, that is
-learned from it, and helps where the map does not: along corridors and in wide halls.
+Odometry counts too much or too little of every metre and of every turn, and drifts to one side
+(Borenstein and Feng 1996: systematic errors). Where the map fixes the robot's motion, the factors
+are estimated from it, and they help where the map does not: along corridors and in wide halls.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.se2_uncertainty import (
@@ -17,41 +16,40 @@ from mapcli.model.se2_uncertainty import (
     covariance_from_information,
 )
 
+PRIOR_M, PRIOR_TURN = 1.0, math.radians(90.0)
+"""Metres and radians of motion that the prior is worth: as much as that it takes to believe a
+measured factor as much as what is usual, that odometry counts right."""
 
-@dataclass(frozen=True)
-class CalibrationParameters:
-    """How soon odometry's systematic errors are believed.
+MATCH_FLOOR = StandardDeviations(0.01, math.radians(0.3))
+"""By how much two matched poses are off at best."""
 
-    Attributes:
-        metres, turns_deg: how much motion it takes to believe it as much as what is usual, that
-            wheels count right.
-        floor, floor_deg: metres and degrees by which two matched poses are off at best.
-        doubt: a motion farther off than this many standard deviations is a failure of the wheels
-            or of the match, and teaches nothing.
-    """
+TURNING = math.radians(4.0)
+"""A motion that turns by less says nothing about the factor of turns: there heading noise would
+pass for turning."""
 
-    metres: float = 1.0
-    turns_deg: float = 90.0
-    floor: float = 0.01
-    floor_deg: float = 0.3
-    turning_deg: float = 4.0
-    doubt: float = 3.0
+OUTLIER_SIGMAS = 3.0
+"""A motion farther off than this many standard deviations of odometry is a failure of the odometry
+or of the match: an outlier, which is left out."""
 
 
 class OdometryCalibration:
-    """Factors on what odometry says (stateful: `calibrate` changes them).
+    """Factors on what odometry counts (stateful: `update` changes them).
+
+    true motion = (metres * x, metres * y, turns * theta + drift * x) for a counted one (x, y,
+    theta), estimated by instrumental variables: the instruments are the signs of what is counted,
+    since least squares would take its noise for motion and underestimate the factors.
 
     Attributes:
         metres: metres driven for each one counted; turns: the same for turns.
         drift: radians of turn for each metre counted.
     """
 
-    def __init__(self, parameters: CalibrationParameters | None = None) -> None:
-        self.parameters = p = parameters or CalibrationParameters()
+    def __init__(self) -> None:
         self.metres, self.turns, self.drift = 1.0, 1.0, 0.0
-        self._counted = self._driven = p.metres / p.floor**2
-        turning = math.radians(p.turns_deg) / math.radians(p.floor_deg) ** 2
-        driving = p.metres / math.radians(p.floor_deg) ** 2
+        self._counted = self._driven = PRIOR_M / MATCH_FLOOR.xy**2
+        turning = PRIOR_TURN / MATCH_FLOOR.theta**2
+        driving = PRIOR_M / MATCH_FLOOR.theta**2
+        # Of (turns, drift): normal @ (turns, drift) = right.
         self._normal, self._right = ((turning, 0.0), (0.0, driving)), (turning, 0.0)
 
     def correct(self, motion: Pose2D) -> Pose2D:
@@ -59,33 +57,31 @@ class OdometryCalibration:
         turn = self.turns * motion.theta + self.drift * motion.x
         return Pose2D(self.metres * motion.x, self.metres * motion.y, wrap_angle(turn))
 
-    def calibrate(
+    def update(
         self,
         counted: Pose2D,
         found: Pose2D,
         information: InformationMatrix,
         deviations: StandardDeviations,
     ) -> None:
-        """Compare a counted motion with the one found in the map.
+        """Compare a counted motion with the one found in the map, unless it is an outlier.
 
         Args:
-            information: on the pose found, shape (3, 3), in the robot's frame, from the map alone.
-            deviations: standard deviations of odometry for this motion, metres and radians.
+            information: on the pose found, in the robot's frame, from the map alone.
+            deviations: standard deviations of odometry for this motion.
         """
-        p = self.parameters
         expected = self.correct(counted)
         off, turned = found.distance(expected), abs(wrap_angle(found.theta - expected.theta))
-        if off > p.doubt * deviations.xy or turned > p.doubt * deviations.theta:
+        if off > OUTLIER_SIGMAS * deviations.xy or turned > OUTLIER_SIGMAS * deviations.theta:
             return
         covariance = covariance_from_information(information).tolist()
-        # Signs as instruments: squares of what the wheels count would count their noise as well.
         ahead = math.copysign(1, counted.x)
-        weight = ahead / (covariance[0][0] + p.floor**2)
+        weight = ahead / (covariance[0][0] + MATCH_FLOOR.xy**2)
         self._counted += weight * counted.x
         self._driven += weight * found.x
         self.metres = self._driven / self._counted
-        weight = 1 / (covariance[2][2] + math.radians(p.floor_deg) ** 2)
-        turning = abs(counted.theta) > math.radians(p.turning_deg)
+        weight = 1 / (covariance[2][2] + MATCH_FLOOR.theta**2)
+        turning = abs(counted.theta) > TURNING
         turn, found_turn = math.copysign(turning, counted.theta), wrap_angle(found.theta)
         (a, b), (c, d) = self._normal
         self._normal = (

@@ -1,11 +1,12 @@
-"""Wheels that are plainly wrong for seconds, and what the robot may be doing meanwhile.
+"""Odometry that is plainly wrong for seconds, and what the robot may be doing meanwhile.
 
-Wheels fail in few ways: they count backwards, or nothing while the robot goes on. Where a scan
+Wheels fail in few ways: they count backwards, or nothing while the robot keeps going. Where a scan
 fixes the pose, the map shows that at once. Along a corridor one scan hardly tells, and odometry is
-believed. So each failure is followed as a rival of the hypothesis that is believed, and what
-speaks for it adds up from scan to scan until the other one must be wrong (the cumulative sum test
-of Page 1954). Three things speak: inertia, for no robot turns round between two scans; points of
-the scan where the map knows that nothing is; and how far the fit must leave what was predicted.
+believed. So each failure is followed as an alternative to the active hypothesis, and the
+log-likelihood ratio of the two adds up from scan to scan until the active one must be wrong (the
+cumulative sum test, CUSUM, of Page 1954). Three things count: inertia, for no robot turns round
+between two scans; points of the scan in the map's free space; and how far the match must leave
+what was predicted. All are in nats, and a point in free space counts as one.
 """
 
 from __future__ import annotations
@@ -14,254 +15,262 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from mapcli.algorithms.slam.match import Match
+from mapcli.algorithms.slam.match import Match, MatchHistory
 from mapcli.algorithms.slam.motion_model import OdometryUncertainty
-from mapcli.algorithms.slam.scan_matcher import ScanInMap
+from mapcli.algorithms.slam.pose_refinement import ScanInMap
 from mapcli.model.pose import Pose2D
 
-Hypothesis = Literal["wheels", "reversed", "goes on"]
+Hypothesis = Literal["odometry", "reversed", "keeps going"]
+"""Odometry is right; it has the wrong sign; it counts nothing while the robot keeps its speed."""
 
-HYPOTHESES: tuple[Hypothesis, ...] = "wheels", "reversed", "goes on"
+HYPOTHESES: tuple[Hypothesis, ...] = "odometry", "reversed", "keeps going"
 
-NEAR = 2.0
-"""Standard deviations of odometry within which two predictions say the same."""
+ACCEPT_RATIO, ACCEPT_ODOMETRY_RATIO = 12.0, 6.0
+"""Log-likelihood ratio from which a failure becomes the active hypothesis, and from which odometry
+does so again, which is right most of the time."""
 
+DROP_RATIO = -10.0
+"""Log-likelihood ratio below which an alternative is dropped."""
 
-KNOWN_MEMORY = 0.05
-"""The weight of the newest scan in the running mean of how much of a scan the map knows."""
-
+MOST_INERTIA_RATIO = 30.0
+"""What inertia counts at most."""
 
 MOST_SCANS = 200
-"""After so many scans a rival has had its chance: wheels fail for seconds."""
+"""After so many scans an alternative has had its chance: wheels fail for seconds."""
 
+SAME_SIGMAS = 2.0
+"""Standard deviations of odometry within which two predictions say the same."""
 
-@dataclass(frozen=True)
-class FaultParameters:
-    """When wheels are taken to have failed. Evidence is in points of a scan; a point at odds with
-    the map counts as much as a nat of log-likelihood.
+DROP_CONFLICT_SHARE = 0.4
+"""The share of a scan's points by which the free-space conflicts of an alternative may exceed those
+of the active hypothesis before it is refined; beyond, it is dropped at once."""
 
-    Attributes:
-        enough: evidence after which a failure is believed; enough_for_wheels: after which the
-            wheels are believed again.
-        least: evidence below which a rival is given up.
-        hopeless: the share of the points by which a rival may contradict the map more, before
-            it is fitted, than the believed pose; beyond, it is given up at once.
-        most: what inertia is worth at most.
-        expected: the share of the points that may contradict the map, as new things come into
-            sight.
-        unknown: what a point counts that lies on ground the map does not know, beyond the usual.
-        far: standard deviations beyond which leaving the prediction costs no more.
-        overlap: a rival's scan overlaps the map by this share of what the other's does.
-        fits: the share of the usual agreement below which a rival fits the map no better than
-            chance, and is not believed.
-        acceleration: metres per second squared, a standard deviation of what robots do.
-        jitter: metres by which the count of one step is off anyway.
-        shortest: seconds between stamps that are not just two scans read out at once.
-        standing: metres per second below which wheels count nothing.
-    """
+MIN_KNOWN_SHARE = 0.7
+"""An alternative's match has at least this share of the active one's known points."""
 
-    enough: float = 12.0
-    enough_for_wheels: float = 6.0
-    least: float = -10.0
-    hopeless: float = 0.4
-    most: float = 30.0
-    expected: float = 0.05
-    unknown: float = 0.5
-    far: float = 3.0
-    overlap: float = 0.7
-    fits: float = 0.6
-    acceleration: float = 1.0
-    jitter: float = 0.005
-    shortest: float = 0.02
-    standing: float = 0.05
+EXPECTED_CONFLICT_SHARE = 0.05
+"""The share of the known points that may lie in free space, as new things come into sight."""
+
+UNKNOWN_WEIGHT = 0.5
+"""What a point counts that lies on unknown cells, beyond the running mean."""
+
+MEAN_WEIGHT = 0.05
+"""The weight of the newest scan in the running mean of the share of known points."""
+
+CHANCE_SHARE = 0.6
+"""The share of the running score below which an alternative fits the map no better than chance,
+and cannot become active."""
+
+MOST_DEVIATIONS = 3.0
+"""Standard deviations beyond which leaving the prediction costs no more."""
+
+ACCELERATION = 1.0
+"""Metres per second squared: a standard deviation of what robots do."""
+
+JITTER = 0.005
+"""Metres by which the count of one step is off anyway: a standard deviation."""
+
+SHORTEST_STEP = 0.02
+"""Seconds between stamps, at least, for a speed: two scans may have been read out at once."""
+
+STANDSTILL = 0.05
+"""Metres per second below which odometry counts nothing."""
 
 
 @dataclass(frozen=True, slots=True)
 class AlternativeHypothesis:
-    """A hypothesis that parted from the believed one some scans ago.
+    """A hypothesis that parted from the active one some scans ago.
 
     Attributes:
-        evidence: what speaks for it, less what speaks for the believed one.
-        pose: where the robot would be.
+        log_ratio: its log-likelihood less that of the active hypothesis, since they parted.
+        pose: where the robot would be, in the map.
         motion: its motion since the scan before.
-        way: where it would have been at the scans since it parted, the last one not included.
+        past_poses: where it would have been at the scans since they parted, but the last.
     """
 
-    evidence: float
+    log_ratio: float
     pose: Pose2D
     motion: Pose2D
-    way: tuple[Pose2D, ...] = ()
+    past_poses: tuple[Pose2D, ...] = ()
 
 
 class OdometryFaults:
-    """What the robot may be doing (stateful: evidence adds up).
+    """Which hypothesis about the odometry is true (stateful: log-likelihood ratios add up).
 
     Attributes:
-        believed: the hypothesis that predicts the next pose.
-        rivals: the others that are followed.
-        way: after a rival came to be believed, where the robot was at the scans before the last,
-            which were thought to be elsewhere.
-        scans: at how many scans the wheels were not believed, as far as is known by now.
+        active: the hypothesis that predicts the next pose.
+        alternatives: the others that are followed.
+        past_poses: after an alternative became active, where the robot was at the scans before the
+            last, which were thought to be elsewhere.
+        faulty_scans: at how many scans odometry was wrong, as far as is known by now.
     """
 
-    def __init__(self, parameters: FaultParameters | None = None) -> None:
-        self.parameters = parameters or FaultParameters()
-        self.believed: Hypothesis = "wheels"
-        self.rivals: dict[Hypothesis, AlternativeHypothesis] = {}
-        self.way: tuple[Pose2D, ...] = ()
-        self.scans = 0
+    def __init__(self) -> None:
+        self.active: Hypothesis = "odometry"
+        self.alternatives: dict[Hypothesis, AlternativeHypothesis] = {}
+        self.past_poses: tuple[Pose2D, ...] = ()
+        self.faulty_scans = 0
         self._counted: Pose2D | None = None
-        self._motion = self._found = Pose2D()  # the last one, as predicted and as the map has it
+        # The last motion, as predicted and as the map has it.
+        self._predicted_motion = self._found_motion = Pose2D()
         self._stamp_ns, self._seconds, self._elapsed = 0, 0.0, 0.0
-        self._stands, self._known = True, 0.0
+        self._stands, self._known_share = True, 0.0
 
     def motion(self, stamp_ns: int, counted: Pose2D | None) -> Pose2D | None:
-        """What the robot did since the last scan, by the hypothesis that is believed; `counted` is
-        what the wheels say, None if nothing."""
+        """What the robot did since the last scan by the active hypothesis, in its frame then.
+
+        Args:
+            counted: what odometry says; None if nothing, which ends all hypotheses.
+        """
         self._elapsed, self._stamp_ns = (stamp_ns - self._stamp_ns) * 1e-9, stamp_ns
         self._counted = counted
         if counted is None:
-            self.believed, self.rivals, self._elapsed = "wheels", {}, 0.0
+            self.active, self.alternatives, self._elapsed = "odometry", {}, 0.0
             return None
-        self._stands = abs(counted.x) <= self.parameters.standing * self._elapsed
+        self._stands = abs(counted.x) <= STANDSTILL * self._elapsed
         # A robot that stands may start anew; wheels that count have not stopped counting.
-        if self.believed == ("reversed" if self._stands else "goes on"):
-            self.believed, self.rivals = "wheels", {}
-        return self._predict(self.believed, counted, self._found)
+        if self.active == ("reversed" if self._stands else "keeps going"):
+            self.active, self.alternatives = "odometry", {}
+        return self._predict(self.active, counted, self._found_motion)
 
     def _predict(self, hypothesis: Hypothesis, counted: Pose2D, last: Pose2D) -> Pose2D:
         """A motion as a hypothesis has it, `last` the one before."""
-        if hypothesis == "wheels":
+        if hypothesis == "odometry":
             return counted
         if hypothesis == "reversed":
             return Pose2D(-counted.x, -counted.y, counted.theta)
         share = min(self._elapsed / self._seconds, 2.0) if self._seconds > 0 else 0.0
         return Pose2D(share * last.x, share * last.y, share * last.theta)
 
-    def weigh(
+    def select(
         self,
         before: Pose2D,
         uncertainty: OdometryUncertainty,
         best: Match,
         scan: ScanInMap,
-        usual: float,
+        history: MatchHistory,
     ) -> Match:
-        """The best match of the believed hypothesis, or that of a rival that must be believed now.
+        """The match of the active hypothesis, or that of an alternative that becomes active now.
 
         Args:
-            before: where the robot was at the last scan; uncertainty: how far odometry may err;
-                usual: the agreement that is usual in this log.
+            before: where the robot was at the last scan; uncertainty: of odometry since.
+            best: the match around the pose that the active hypothesis predicts.
+            scan: for matches near the poses of the others.
         """
         matches: dict[Hypothesis, Match] = {}
         if self._counted is not None:
-            motion = self._predict(self.believed, self._counted, self._found)
+            motion = self._predict(self.active, self._counted, self._found_motion)
             predicted = before.compose(motion)
             self._follow(before, self._counted, motion)
-            if any(_apart(predicted, rival.pose, uncertainty) for rival in self.rivals.values()):
-                matches = self._judge(predicted, best, uncertainty, scan)
-            self._motion = motion
+            others = self.alternatives.values()
+            if any(uncertainty.separates(predicted, one.pose, SAME_SIGMAS) for one in others):
+                matches = self._compare(predicted, best, uncertainty, scan)
+            self._predicted_motion = motion
         if best.found:
             share = best.known_points / scan.size
-            self._known += KNOWN_MEMORY * (share - self._known)
-        self._found, self._seconds, self.way = before.between(best.pose), self._elapsed, ()
-        decided = self._decide(matches, self.parameters.fits * usual) or best
-        self.scans += 0 if self.believed == "wheels" else 1 + len(self.way)
-        return decided
+            self._known_share += MEAN_WEIGHT * (share - self._known_share)
+        self._found_motion, self._seconds = before.between(best.pose), self._elapsed
+        self.past_poses = ()
+        selected = self._accept(matches, CHANCE_SHARE * history.running_score) or best
+        self.faulty_scans += 0 if self.active == "odometry" else 1 + len(self.past_poses)
+        return selected
 
     def _follow(self, before: Pose2D, counted: Pose2D, motion: Pose2D) -> None:
-        """Move the rivals on, and let those begin that have more reason to begin now."""
+        """Move the alternatives on, and let those begin that are likelier to begin now."""
         for name in HYPOTHESES:
-            rival = self.rivals.pop(name, None)
-            if name == self.believed or (name == "goes on" and not self._stands):
+            other = self.alternatives.pop(name, None)
+            if name == self.active or (name == "keeps going" and not self._stands):
                 continue
-            reason = self._reason(name, counted, motion)
-            if rival is None or rival.evidence < reason or len(rival.way) == MOST_SCANS:
-                rival = AlternativeHypothesis(reason, before, self._found)
+            ratio = self._inertia_ratio(name, counted, motion)
+            if other is None or other.log_ratio < ratio or len(other.past_poses) == MOST_SCANS:
+                other = AlternativeHypothesis(ratio, before, self._found_motion)
             else:
-                rival = replace(rival, way=(*rival.way, rival.pose))
-            if rival.evidence >= self.parameters.least:
-                moved = self._predict(name, counted, rival.motion)
-                self.rivals[name] = replace(rival, pose=rival.pose.compose(moved), motion=moved)
+                other = replace(other, past_poses=(*other.past_poses, other.pose))
+            if other.log_ratio >= DROP_RATIO:
+                moved = self._predict(name, counted, other.motion)
+                pose = other.pose.compose(moved)
+                self.alternatives[name] = replace(other, pose=pose, motion=moved)
 
-    def _reason(self, name: Hypothesis, counted: Pose2D, motion: Pose2D) -> float:
-        """What inertia says for a rival that begins now, against the motion that is believed."""
-        p, other = self.parameters, self._predict(name, counted, self._found)
-        reason = self._inertia(motion) - self._inertia(other)
-        # Wheels usually are right, so they get a chance whatever inertia says.
-        return min(p.most, max(p.least if name == "wheels" else -p.most, reason))
+    def _inertia_ratio(self, name: Hypothesis, counted: Pose2D, motion: Pose2D) -> float:
+        """The log-likelihood ratio by inertia of an alternative that begins now to the motion of
+        the active hypothesis."""
+        other = self._predict(name, counted, self._found_motion)
+        ratio = self._inertia(motion) - self._inertia(other)
+        # Odometry usually is right, so it gets a chance whatever inertia says.
+        least = DROP_RATIO if name == "odometry" else -MOST_INERTIA_RATIO
+        return min(MOST_INERTIA_RATIO, max(least, ratio))
 
     def _inertia(self, motion: Pose2D) -> float:
-        """How unlikely a motion is after the last one (minus its log-likelihood)."""
-        p, seconds = self.parameters, (self._elapsed + self._seconds) / 2
-        if min(self._elapsed, self._seconds) < p.shortest:
+        """How unlikely a motion is after the last one: its negative log-likelihood."""
+        seconds = (self._elapsed + self._seconds) / 2
+        if min(self._elapsed, self._seconds) < SHORTEST_STEP:
             return 0.0
-        change = motion.x / self._elapsed - self._motion.x / self._seconds
-        usual = math.hypot(p.acceleration * seconds, math.sqrt(2) * p.jitter / seconds)
-        return (change / usual) ** 2 / 2
+        change = motion.x / self._elapsed - self._predicted_motion.x / self._seconds
+        deviation = math.hypot(ACCELERATION * seconds, math.sqrt(2) * JITTER / seconds)
+        return (change / deviation) ** 2 / 2
 
-    def _judge(
+    def _compare(
         self, predicted: Pose2D, best: Match, uncertainty: OdometryUncertainty, scan: ScanInMap
     ) -> dict[Hypothesis, Match]:
-        """What the scan says of each rival; their matches."""
-        p, matches = self.parameters, {}
-        # What wheels usually err by is no failure: the search may have found the place.
-        near = not _apart(predicted, best.pose, uncertainty, uncertainty.window_sigmas)
-        stay = best if near else scan.next_to(predicted, uncertainty)
-        against, left = self._against(stay, scan), _left(predicted, stay.pose, uncertainty, p.far)
-        for name, rival in list(self.rivals.items()):
-            near = not _apart(rival.pose, best.pose, uncertainty)
-            more = (
-                0
-                if near
-                else scan.contradictions(rival.pose, uncertainty) - stay.free_space_conflicts
-            )
-            if more > p.hopeless * scan.size:
-                del self.rivals[name]
+        """Add up what the scan says of each alternative; the matches of those that are left."""
+        matches: dict[Hypothesis, Match] = {}
+        # What odometry usually errs by is no failure: the search may have found the place.
+        far = uncertainty.separates(predicted, best.pose, uncertainty.window_sigmas)
+        active = scan.match_near(predicted, uncertainty) if far else best
+        conflicts = self._conflicts(active, scan)
+        cost = _prediction_cost(predicted, active.pose, uncertainty)
+        for name, other in list(self.alternatives.items()):
+            match = self._match(other, active, best, uncertainty, scan)
+            if match is None:
+                del self.alternatives[name]
                 continue
-            match = best if near else scan.next_to(rival.pose, uncertainty)
-            if match.known_points < p.overlap * stay.known_points:
-                del self.rivals[name]
-                continue
-            points = against - self._against(match, scan)
-            beyond = max(0.0, abs(points) - p.expected * stay.known_points)
-            evidence = rival.evidence + math.copysign(beyond, points)
-            evidence += left - _left(rival.pose, match.pose, uncertainty, p.far)
-            self.rivals[name] = replace(rival, evidence=evidence, pose=match.pose)
+            more = conflicts - self._conflicts(match, scan)
+            beyond = max(0.0, abs(more) - EXPECTED_CONFLICT_SHARE * active.known_points)
+            ratio = other.log_ratio + math.copysign(beyond, more)
+            ratio += cost - _prediction_cost(other.pose, match.pose, uncertainty)
+            self.alternatives[name] = replace(other, log_ratio=ratio, pose=match.pose)
             matches[name] = match
         return matches
 
-    def _against(self, match: Match, scan: ScanInMap) -> float:
-        """Points that speak against a match."""
-        unknown = max(0.0, self._known * scan.size - match.known_points)
-        return match.free_space_conflicts + self.parameters.unknown * unknown
+    @staticmethod
+    def _match(
+        other: AlternativeHypothesis,
+        active: Match,
+        best: Match,
+        uncertainty: OdometryUncertainty,
+        scan: ScanInMap,
+    ) -> Match | None:
+        """The match next to an alternative's pose; None if the map contradicts it."""
+        match = best
+        if uncertainty.separates(other.pose, best.pose, SAME_SIGMAS):
+            more = scan.free_space_conflicts(other.pose) - active.free_space_conflicts
+            if more > DROP_CONFLICT_SHARE * scan.size:
+                return None
+            match = scan.match_near(other.pose, uncertainty)
+        return None if match.known_points < MIN_KNOWN_SHARE * active.known_points else match
 
-    def _decide(self, matches: dict[Hypothesis, Match], low: float) -> Match | None:
-        """The match of the strongest rival, if it must be believed; none below this score."""
+    def _conflicts(self, match: Match, scan: ScanInMap) -> float:
+        """Points that speak against a match: in free space, or on unknown cells beyond the mean."""
+        unknown = max(0.0, self._known_share * scan.size - match.known_points)
+        return match.free_space_conflicts + UNKNOWN_WEIGHT * unknown
+
+    def _accept(self, matches: dict[Hypothesis, Match], low: float) -> Match | None:
+        """The match of the likeliest alternative, at least of score `low`, if it becomes active."""
         if not matches:
             return None
-        name = max(matches, key=lambda one: self.rivals[one].evidence)
-        p, match = self.parameters, matches[name]
-        enough = p.enough_for_wheels if name == "wheels" else p.enough
+        name = max(matches, key=lambda one: self.alternatives[one].log_ratio)
+        match, other = matches[name], self.alternatives[name]
+        enough = ACCEPT_ODOMETRY_RATIO if name == "odometry" else ACCEPT_RATIO
         fits = not match.found or match.score >= low
-        if self.rivals[name].evidence < enough or not fits:
+        if other.log_ratio < enough or not fits:
             return None
-        self._motion = self._found = self.rivals[name].motion
-        self.way = self.rivals[name].way
-        self.believed, self.rivals = name, {}
+        self._predicted_motion = self._found_motion = other.motion
+        self.past_poses = other.past_poses
+        self.active, self.alternatives = name, {}
         return match
 
 
-def _left(predicted: Pose2D, found: Pose2D, uncertainty: OdometryUncertainty, far: float) -> float:
-    """How unlikely it is that odometry errs so much (minus its log-likelihood, up to a limit)."""
-    return min(far, predicted.distance(found) / uncertainty.deviations.xy) ** 2 / 2
-
-
-def _apart(
-    one: Pose2D, other: Pose2D, uncertainty: OdometryUncertainty, deviations: float = NEAR
-) -> bool:
-    """Whether two poses differ by more than odometry usually errs."""
-    turn = abs(one.between(other).theta)
-    return (
-        one.distance(other) > deviations * uncertainty.deviations.xy
-        or turn > deviations * uncertainty.deviations.theta
-    )
+def _prediction_cost(predicted: Pose2D, found: Pose2D, uncertainty: OdometryUncertainty) -> float:
+    """How unlikely it is that odometry errs so much: negative log-likelihood, up to a limit."""
+    sigmas = predicted.distance(found) / uncertainty.deviations.xy
+    return min(MOST_DEVIATIONS, sigmas) ** 2 / 2

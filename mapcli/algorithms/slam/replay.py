@@ -147,7 +147,7 @@ class ReplayRun:
             loops=len(trace.loops),
             mean_score=trace.mean_score(),
             odometry_jumps=self.slam.odometry.jumps,
-            odometry_faults=self.slam.faults.scans,
+            odometry_faults=self.slam.faults.faulty_scans,
             damage=damage,
             interrupted=self.interrupted,
         )

@@ -1,17 +1,19 @@
-"""Lines 5 to 8 of Algorithm 9.2: the best of the test positions T around the odometry's pose.
+"""Lines 5 to 8 of Algorithm 9.2: the best of the test positions T around the odometry's pose n.
 
-Three ways to search T:
+`match_scan` knows three ways to search T, by `MatchParameters.search`:
 
-- `window`: every cell and every half degree of a window, by branch and bound, then Gauss-Newton
-  for the last millimetres. The window follows what odometry can err by; where the scan does not
-  fit the map anywhere in it, odometry is taken to have failed and a far wider one is searched.
-- `book`: the fifteen poses of Sect. 9.5 with S, the sum of products, or another `similarity`.
+- `window`: correlative scan matching, every cell and every half degree of a window by branch and
+  bound (`correlative_search`), then Gauss-Newton on the distances of points from lines for the last
+  millimetres (`pose_refinement`). The window follows what odometry can err by; where the scan
+  does not fit the map anywhere in it, odometry is taken to have failed, and a far wider one is
+  searched (relocalisation).
+- `book`: the fifteen poses of Sect. 9.5 (`book_matcher`).
 - `none`: the odometry's pose as it is.
 
-The score of `window` is how well the ends of the beams fit the likelihood field, less a penalty
-for leaving the odometry's pose. The penalty levels off: odometry that errs a little is believed
-against a map that hardly cares (a corridor), odometry that is plainly wrong costs no more than a
-fixed share of the score. Ends on unknown cells count nothing (Sect. 9.7: only where both overlap).
+The score of `window` is how well the ends of the beams fit the likelihood field, less a prior for
+leaving the odometry's pose. The prior levels off: odometry that errs a little is believed against
+a map that hardly cares (a corridor), odometry that is plainly wrong costs no more than a fixed
+share of the score. Ends on unknown cells count nothing (Sect. 9.7: only where both overlap).
 """
 
 from __future__ import annotations
@@ -19,283 +21,183 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mapcli.algorithms.scans.perception import Perception
-from mapcli.algorithms.similarity.candidate_poses import neighbours
-from mapcli.algorithms.similarity.grid_table import scan_counts
-from mapcli.algorithms.similarity.measures import SignMap, Similarity, better, of_counts
-from mapcli.algorithms.similarity.perception_map import outline
-from mapcli.algorithms.slam._kernels import branch_and_bound as kernels
-from mapcli.algorithms.slam.agreement import FULL_SCORE, agreement
-from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
-from mapcli.algorithms.slam.match import Match, MatchHistory, MatchParameters
+from mapcli.algorithms.slam.agreement import FULL_SCORE
+from mapcli.algorithms.slam.book_matcher import best_of_fifteen
+from mapcli.algorithms.slam.correlative_search import (
+    BestPose,
+    SearchWindow,
+    best_in_window,
+    prediction_prior,
+)
+from mapcli.algorithms.slam.match import MIN_OVERLAP, Match, MatchHistory, MatchParameters
 from mapcli.algorithms.slam.motion_model import OdometryUncertainty
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
-from mapcli.algorithms.slam.scan_points import ScanPoints, points_of, window_box
-from mapcli.model.perception import STEPS, TURNS_DEG
+from mapcli.algorithms.slam.pose_refinement import (
+    CONVERGENCE_CELLS,
+    CONVERGENCE_TURN,
+    ScanInMap,
+)
 from mapcli.model.pose import Pose2D
 
-FARTHEST_REFINEMENT = 24.0
-"""Cells that the refinement may move a point: less than `occupancy.MARGIN`."""
-
-NEAR_CELLS, NEAR_TURN = 4.0, math.radians(5)
-"""How far from the right pose a fit still finds it: cells and radians."""
-
-SHARES = 0.4, 1.0
+WINDOW_SHARES = 0.4, 1.0
 """Of the window: what is searched first, since odometry seldom errs by all that it may."""
 
-FIFTEEN = neighbours(STEPS, TURNS_DEG)
-"""The poses of Sect. 9.5."""
+TRUSTED_SIGMAS = 2.0
+"""Standard deviations of odometry within which the pose refined from the predicted one is taken
+without a search, if the scan fits there as well as scans before."""
+
+SCORE_MARGIN = 0.03
+"""Scores that differ by less are as good: a match is as good as those before that far below the
+running score, and the pose next to the predicted one is taken that far below the best."""
+
+FEW_POINTS = 40
+"""A scan of fewer points says less than it seems to: the prior weighs as if it had that many."""
+
+SUSPICIOUS_SHARE, HOPELESS_SHARE = 0.9, 0.6
+"""Shares of the running score: below the first, odometry is suspected to have failed and the
+relocalisation window is searched; below the second the map has nothing like the scan, whose match
+then counts as not found."""
+
+RELOCALISATION_XY, RELOCALISATION_XY_PER_M = 0.5, 2.2
+"""Half-width of the relocalisation window: metres, and metres for each metre driven since the scan
+before; wheels that count backwards err by twice what they count."""
+
+RELOCALISATION_TURN = math.radians(45)
+"""The same for the heading, radians."""
+
+RELOCALISATION_GAIN, RELOCALISATION_GAIN_AT_ONCE = 0.1, 0.2
+"""A relocalised pose is taken when its score is better by the second, or by the first for the
+second scan in a row: a single scan may fit a wrong place by chance."""
+
+RELOCALISATION_LEAP = 1.0
+"""Metres from the predicted pose beyond which even two scans in a row do not make it a match."""
 
 
-def best_pose(
+def match_scan(
     grid: OccupancyGrid,
     perception: Perception,
     predicted: Pose2D,
     uncertainty: OdometryUncertainty,
     parameters: MatchParameters,
-    lately: MatchHistory | None = None,
+    history: MatchHistory | None = None,
 ) -> Match:
-    """The position in T, around the predicted pose, whose perception fits the map best.
+    """The pose in T, around the predicted pose, whose perception fits the map best.
 
-    `lately` is what is known from the scans before.
+    Args:
+        grid: the map, in whose frame poses are.
+        predicted: the robot's pose by odometry; uncertainty: how far off it may be.
+        history: what is known from the scans before.
     """
     if parameters.search == "book":
         return best_of_fifteen(grid, perception, predicted, parameters.similarity)
-    points = points_of(perception, grid.parameters.resolution)
-    if parameters.search == "none" or len(points.metres) < parameters.fewest:
+    scan = ScanInMap(grid, perception, parameters)
+    if parameters.search == "none" or not scan.says_something:
         return Match(predicted, 0.0, 0, found=False)
-    return _Window(grid, points, predicted, uncertainty, parameters).best(lately or MatchHistory())
+    return _WindowMatcher(scan, predicted, uncertainty, parameters).match(history or MatchHistory())
 
 
-class ScanInMap:
-    """A scan held against a map at this pose or that, without a search.
-
-    Attributes:
-        grid: the map; size: how many points the scan has.
-    """
-
-    def __init__(
-        self, grid: OccupancyGrid, perception: Perception, parameters: MatchParameters
-    ) -> None:
-        self.grid, self.parameters = grid, parameters
-        self._points = points_of(perception, grid.parameters.resolution)
-        self._last: _Window | None = None
-
-    @property
-    def size(self) -> int:
-        return len(self._points.metres)
-
-    def contradictions(self, pose: Pose2D, uncertainty: OdometryUncertainty) -> int:
-        """Points where the map knows that there is no wall."""
-        return (
-            self._window(pose, uncertainty).at_once().free_space_conflicts
-            if self._says_something()
-            else 0
-        )
-
-    def next_to(self, predicted: Pose2D, uncertainty: OdometryUncertainty) -> Match:
-        """The match next to a predicted pose, or that pose where the scan says nothing."""
-        if not self._says_something():
-            return Match(predicted, 0.0, 0, found=False)
-        match = self._window(predicted, uncertainty).next_to()
-        return match if match.found else replace(match, pose=predicted)
-
-    def _says_something(self) -> bool:
-        return self.size >= self.parameters.fewest
-
-    def _window(self, pose: Pose2D, uncertainty: OdometryUncertainty) -> _Window:
-        """A window around a pose; the last one, moved, since making one takes longer than a look
-        through it."""
-        window = self._last or _Window(self.grid, self._points, pose, uncertainty, self.parameters)
-        window.predicted, window.uncertainty, self._last = pose, uncertainty, window
-        return window
-
-
-class _Window:
-    """One search of a window around a predicted pose."""
+class _WindowMatcher:
+    """Correlative scan matching around one predicted pose; `match` is the algorithm."""
 
     def __init__(
         self,
-        grid: OccupancyGrid,
-        points: ScanPoints,
+        scan: ScanInMap,
         predicted: Pose2D,
         uncertainty: OdometryUncertainty,
         parameters: MatchParameters,
     ) -> None:
-        self.grid, self.parameters, self.uncertainty = grid, parameters, uncertainty
-        self.predicted = predicted
-        self.cell = grid.parameters.resolution
-        self.points = points
-        self.turn_step = math.radians(parameters.step_theta_deg)
-        stride = 1 if parameters.step_xy is None else round(parameters.step_xy / self.cell)
-        self.stride = max(1, stride)
-        # The best of the windows searched so far, on the grid of poses and refined.
-        self.found: tuple[NDArray[np.float64], Match] | None = None
-        self.weight = FULL_SCORE * max(len(points.metres), parameters.usual) * parameters.prior
+        self.scan, self.parameters = scan, parameters
+        self.predicted, self.uncertainty = predicted, uncertainty
+        # The best pose of the windows searched so far, and the match refined from it.
+        self._searched: tuple[BestPose, Match] | None = None
 
-    def best(self, lately: MatchHistory) -> Match:
-        """The best pose; a far wider window is searched when odometry seems lost."""
-        p, uncertainty = self.parameters, self.uncertainty
-        deviations = uncertainty.deviations
-        half_xy = p.window_xy + uncertainty.window_sigmas * deviations.xy
-        half_turn = math.radians(p.window_theta_deg) + uncertainty.window_sigmas * deviations.theta
-        self._cover(half_xy, half_turn)
-        stay = best = self._settle(self.predicted)
-        if p.refine and self._is_trusted(stay, lately.score):
-            return stay
-        for share in SHARES:
-            best = self._search(share * half_xy, share * half_turn)
-            if self._is_usual(best, lately.score):
+    def match(self, history: MatchHistory) -> Match:
+        """The best pose; a far wider window is searched when odometry seems to have failed."""
+        p, window = self.parameters, self._window()
+        self.scan.cover(self.predicted, window)
+        near = best = self._refine(self.predicted)
+        if p.refine and self._is_trusted(near, history):
+            return near
+        for share in WINDOW_SHARES:
+            best = self._search(SearchWindow(share * window.xy, share * window.theta))
+            if self._is_as_good(best, history):
                 break
-        if best.score < p.lost_below * lately.score:
-            best = self._doubt(best, lately, half_xy)
-        elif p.refine and self._is_far(best.pose) and stay.score >= best.score - p.indifferent:
+        if p.relocalise and best.score < SUSPICIOUS_SHARE * history.running_score:
+            best = self._relocalise(best, history)
+        elif p.refine and self._is_far(best.pose) and near.score >= best.score - SCORE_MARGIN:
             # Along a wall the scan fits best where it covers most of the map, which is where
             # it was taken before; odometry knows better unless the map contradicts.
-            best = stay
+            best = near
         return best if best.found else replace(best, pose=self.predicted)
 
-    def next_to(self) -> Match:
-        """The best pose beside the predicted one."""
-        self._cover(FARTHEST_REFINEMENT * self.cell, NEAR_TURN)
-        return self._settle(self.predicted)
-
-    def at_once(self) -> Match:
-        """The match at the predicted pose as it is."""
-        self._cover(0.0, 0.0)
-        return self._compare(self.predicted)
-
-    def _is_trusted(self, match: Match, usual_score: float) -> bool:
-        """Whether the pose next to the odometry's fits as well as any, so that none need be
-        searched for."""
-        if (
-            self.uncertainty.deviations.xy > NEAR_CELLS * self.cell
-            or self.uncertainty.deviations.theta > NEAR_TURN
-        ):
-            return False  # the fit may have ended beside the right place
-        far = self._is_far(match.pose, self.parameters.trusted)
-        return self._is_usual(match, usual_score) and not far
-
-    def _is_usual(self, match: Match, usual_score: float) -> bool:
-        """Whether a match is as good as others lately."""
-        enough = match.known_points >= self.parameters.lost_overlap * len(self.points.metres)
-        return enough and match.score >= usual_score - self.parameters.indifferent
-
-    def _is_far(self, pose: Pose2D, deviations: float = 1.0) -> bool:
-        """Whether a pose is farther from the predicted one than odometry usually errs."""
-        turn = abs(self.predicted.between(pose).theta)
-        far = self.predicted.distance(pose) > deviations * self.uncertainty.deviations.xy
-        return far or turn > deviations * self.uncertainty.deviations.theta
-
-    def _doubt(self, best: Match, lately: MatchHistory, half_xy: float) -> Match:
-        """The scan fits the map worse than usual: odometry may be lost, or the map too young."""
-        p, uncertainty, low = (
-            self.parameters,
-            self.uncertainty,
-            self.parameters.lost_below * lately.score,
+    def _window(self) -> SearchWindow:
+        """What odometry may err by, and a little more."""
+        p, deviations = self.parameters, self.uncertainty.deviations
+        sigmas = self.uncertainty.window_sigmas
+        return SearchWindow(
+            p.window_xy + sigmas * deviations.xy,
+            math.radians(p.window_theta_deg) + sigmas * deviations.theta,
         )
-        wide_xy = max(half_xy, p.lost_xy + p.lost_xy_per_m * uncertainty.metres)
-        wide_turn = math.radians(p.lost_theta_deg)
-        self._cover(wide_xy, wide_turn)
-        other = self._search(wide_xy, wide_turn)
-        enough = other.known_points >= p.lost_overlap * len(self.points.metres)
-        gain = other.score - best.score if enough and other.score >= low else 0.0
-        doubtful = gain >= p.lost_gain
-        again = lately.doubted and self.predicted.distance(other.pose) <= p.lost_leap
-        if doubtful and (again or gain >= p.lost_gain_at_once):
-            return replace(other, doubtful=True)
-        found = best.found and best.score >= p.odd_below * lately.score
-        return replace(best, found=found, doubtful=doubtful)
 
-    def _search(self, half_xy: float, half_turn: float) -> Match:
+    def _search(self, window: SearchWindow) -> Match:
         """The best pose in a window around the predicted one, which is covered, refined; each
         window holds the one before."""
-        start = self.grid.pose_to_cells(self.predicted)
-        reach = math.ceil(half_xy / self.cell)
-        cell_prior = (self.cell / self.uncertainty.deviations.xy) ** 2
-        step_prior = (self.turn_step / self.uncertainty.deviations.theta) ** 2
-        before = self.found and self.found[0]
-        found = kernels.search(
-            self.grid.fields,
-            LEVEL_WIDTHS,
-            self.points.cells,
-            start,
-            (reach, math.ceil(half_turn / self.turn_step)),
-            (self.stride, self.turn_step),
-            (self.weight, self.parameters.prior_knee, cell_prior, step_prior),
-            kernels.top_level(reach),
-            before,
-        )
-        if self.found is None or (found != before).any():
-            du, dv, turn = found[:3].tolist()
-            shift = np.array([du, dv, turn * self.turn_step])
-            self.found = found, self._settle(self.grid.pose_from_cells(start + shift))
-        return self.found[1]
+        scan, known = self.scan, self._searched and self._searched[0]
+        middle = scan.grid.pose_to_cells(self.predicted)
+        poses = window.poses(scan.cell, scan.turn_step, self._stride())
+        weight = FULL_SCORE * max(scan.size, FEW_POINTS) * self.parameters.odometry_prior
+        deviations = self.uncertainty.deviations
+        prior = prediction_prior(weight, deviations, scan.cell, scan.turn_step)
+        best = best_in_window(scan.grid, scan.points.cells, middle, poses, prior, known)
+        if self._searched is None or best != known:
+            pose = scan.grid.pose_from_cells(best.cells(middle, scan.turn_step))
+            self._searched = best, self._refine(pose)
+        return self._searched[1]
 
-    def _settle(self, near: Pose2D) -> Match:
-        """Refine a pose, and see how well the scan agrees with the map there."""
-        return self._compare(*self._refine(near)) if self.parameters.refine else self._compare(near)
+    def _stride(self) -> int:
+        """Cells between test positions."""
+        step = self.parameters.step_xy
+        return 1 if step is None else max(1, round(step / self.scan.cell))
 
-    def _compare(self, pose: Pose2D, information: NDArray[np.float64] | None = None) -> Match:
-        """How well the scan agrees with the map at a pose."""
-        score, known, conflicts = agreement(
-            self.grid, self.points.cells, self.grid.pose_to_cells(pose)
-        )
-        found = known >= self.parameters.fewest
-        return Match(pose, score, known, found, information, conflicts)
+    def _refine(self, near: Pose2D) -> Match:
+        return self.scan.refine(near, self.predicted, self.uncertainty)
 
-    def _cover(self, half_xy: float, half_turn: float) -> None:
-        """Make the map hold every point of every pose in the window."""
-        far = half_xy + self.cell
-        if not self.grid.holds(self.predicted, self.points.radius + far):
-            turn = half_turn + self.turn_step
-            self.grid.cover(*window_box(self.points.metres, self.predicted, far, turn))
+    def _relocalise(self, best: Match, history: MatchHistory) -> Match:
+        """The scan fits the map worse than those before: odometry may have failed, or the map may
+        be too young."""
+        low, metres = SUSPICIOUS_SHARE * history.running_score, self.uncertainty.metres
+        xy = max(self._window().xy, RELOCALISATION_XY + RELOCALISATION_XY_PER_M * metres)
+        wide = SearchWindow(xy, RELOCALISATION_TURN)
+        self.scan.cover(self.predicted, wide)
+        other = self._search(wide)
+        fits = self._overlaps(other) and other.score >= low
+        gain = other.score - best.score if fits else 0.0
+        candidate = gain >= RELOCALISATION_GAIN
+        again = history.relocalisation_candidate
+        again = again and self.predicted.distance(other.pose) <= RELOCALISATION_LEAP
+        if candidate and (again or gain >= RELOCALISATION_GAIN_AT_ONCE):
+            return replace(other, relocalisation_candidate=True)
+        found = best.found and best.score >= HOPELESS_SHARE * history.running_score
+        return replace(best, found=found, relocalisation_candidate=candidate)
 
-    def _refine(self, near: Pose2D) -> tuple[Pose2D, NDArray[np.float64] | None]:
-        """The last millimetres, unless they lead astray."""
-        fit = self.grid.surfels.fit(
-            self.points.metres, near, self.predicted, self.uncertainty.deviations
-        )
-        moved = near.distance(fit.pose) + abs(near.between(fit.pose).theta) * self.points.radius
-        trusted = fit.matched >= self.parameters.fewest and moved < FARTHEST_REFINEMENT * self.cell
-        return (fit.pose, fit.information_in_own_frame()) if trusted else (near, None)
+    def _is_trusted(self, match: Match, history: MatchHistory) -> bool:
+        """Whether the match refined from the predicted pose fits as well as any, so that nothing
+        need be searched."""
+        deviations = self.uncertainty.deviations
+        if deviations.xy > CONVERGENCE_CELLS * self.scan.cell:
+            return False  # the refinement may have ended beside the right pose
+        if deviations.theta > CONVERGENCE_TURN:
+            return False
+        return self._is_as_good(match, history) and not self._is_far(match.pose, TRUSTED_SIGMAS)
 
+    def _is_as_good(self, match: Match, history: MatchHistory) -> bool:
+        """Whether a match is as good as those of the scans before."""
+        return self._overlaps(match) and match.score >= history.running_score - SCORE_MARGIN
 
-def best_of_fifteen(
-    grid: OccupancyGrid,
-    perception: Perception,
-    predicted: Pose2D,
-    similarity: Similarity = "product",
-) -> Match:
-    """The best of the fifteen poses of Sect. 9.5; the first of equals, the intended one first.
+    def _overlaps(self, match: Match) -> bool:
+        return match.known_points >= MIN_OVERLAP * self.scan.size
 
-    The table is that of `mapcli similarity-table` (see `similarity_table.scan_counts`).
-    """
-    cell = grid.parameters.resolution
-    points = np.concatenate([perception.hits, perception.open_ends, perception.laser[None]])
-    reach = 3 * cell + float(np.hypot(*points.T).max())
-    centre = np.array([predicted.x, predicted.y])
-    grid.cover(centre - reach, centre + reach)
-    start = grid.pose_to_cells(predicted)
-    # Only the part of the map that can be reached is compared.
-    low = np.floor(start[:2] - reach / cell).astype(np.int64)
-    high = np.ceil(start[:2] + reach / cell).astype(np.int64)
-    part = np.sign(grid.log_odds[low[1] : high[1], low[0] : high[0]]).astype(np.int8)
-    counts = scan_counts(
-        SignMap(part),
-        outline(perception, cell, walls="ends"),
-        start - np.append(low, 0),
-        np.radians(FIFTEEN.turns_deg),
-        FIFTEEN.offsets,
-        compiled=True,
-    ).swapaxes(0, 1)
-    scores = better(similarity, of_counts(similarity, counts))
-    scores[counts.sum(axis=(2, 3)) == 0] = -np.inf
-    position, turn = np.unravel_index(int(np.argmax(scores)), scores.shape)
-    best = start + np.append(FIFTEEN.offsets[position], math.radians(FIFTEEN.turns_deg[turn]))
-    score, known, conflicts = agreement(grid, perception.hits / cell, best)
-    pose = grid.pose_from_cells(best)
-    return Match(pose, score, known, found=known > 0, free_space_conflicts=conflicts)
+    def _is_far(self, pose: Pose2D, sigmas: float = 1.0) -> bool:
+        """Whether a pose is farther from the predicted one than odometry usually errs."""
+        return self.uncertainty.separates(self.predicted, pose, sigmas)

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
-from mapcli.algorithms.slam._kernels.branch_and_bound import thin
+from mapcli.algorithms.slam._kernels.voxel_filter import first_of_each_cell
 from mapcli.model.pose import Pose2D
 
 
 def thinned(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
-    """One point per square of side `cell`, so that near walls do not outvote far ones."""
-    return points[thin(points, cell)]
+    """One point per square of side `cell` (a voxel grid filter), so that near surfaces, which
+    many beams hit, do not outvote far ones; points: shape (n, 2)."""
+    return points[first_of_each_cell(points, cell)]
 
 
 class ScanPoints(NamedTuple):
@@ -40,16 +41,21 @@ def points_of(perception: Perception, cell: float) -> ScanPoints:
 
 
 def radius_of(points: NDArray[np.float64]) -> float:
-    """How far the farthest of the points, shape (n, 2), is from the origin."""
+    """Distance of the farthest of the points, shape (n, 2), from the origin."""
     return math.sqrt(float((points[:, 0] ** 2 + points[:, 1] ** 2).max(initial=0.0)))
 
 
 def window_box(
-    points: NDArray[np.float64], centre: Pose2D, half_xy: float, half_turn: float
+    points: NDArray[np.float64], middle: Pose2D, half_xy: float, half_turn: float
 ) -> NDArray[np.float64]:
-    """The lowest and the highest (x, y) where points may lie at the poses of a window."""
+    """The lowest and the highest (x, y), in the map, where points may lie at the poses of a window.
+
+    Args:
+        points: shape (n, 2), metres in the robot's frame.
+        middle: of the window, a pose in the map; half_xy, half_turn: metres and radians.
+    """
     radius = radius_of(points)
-    seen, middle = centre.apply(points), np.array([centre.x, centre.y])
-    low = np.maximum(seen.min(axis=0) - half_turn * radius, middle - radius)
-    high = np.minimum(seen.max(axis=0) + half_turn * radius, middle + radius)
+    seen, centre = middle.apply(points), np.array([middle.x, middle.y])
+    low = np.maximum(seen.min(axis=0) - half_turn * radius, centre - radius)
+    high = np.minimum(seen.max(axis=0) + half_turn * radius, centre + radius)
     return np.array([low - half_xy, high + half_xy])

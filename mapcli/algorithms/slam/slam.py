@@ -1,8 +1,18 @@
-"""Algorithm 9.2: simultaneous localization and mapping, one scan at a time.
+"""Algorithm 9.2, simultaneous localization and mapping, one scan at a time: the front end.
 
-The numbers in the comments are the lines of the book's algorithm. What makes it work on real logs
-sits in the modules it calls: `dead_reckoning` (2, 3), `perception` (4), `matching` (5-8) and
-`current_map` (10). What is done once the log has ended, closing loops above all, is `closing`.
+The numbers in the comments of `Slam.step` are the lines of the book's algorithm; each line is a
+module:
+
+    2, 3   odometry moves the pose       `motion_model`, corrected by `odometry_calibration`, and
+                                         followed as hypotheses where it fails, `odometry_faults`
+    4      the scan is analyzed          `scans.perception`
+    5-9    the best test position        `scan_matcher` (correlative scan matching, relocalisation),
+           around the odometry's pose    `book_matcher` (Sect. 9.5), `global_localization` (where
+                                         nobody knows the robot's pose in a known map)
+    10     the map is updated            `local_map`, of `occupancy_grid` with `likelihood_field`
+                                         and `surfel_map`
+
+What is done once the log has ended, loop closure above all, is `back_end`.
 """
 
 from __future__ import annotations
@@ -13,17 +23,17 @@ from dataclasses import dataclass, field
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.slam.back_end import BackEndResult, finalise
-from mapcli.algorithms.slam.global_localization import locate
+from mapcli.algorithms.slam.global_localization import localize_globally
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.local_map import LocalMap, LocalMapParameters
 from mapcli.algorithms.slam.loop_closure import LoopParameters
 from mapcli.algorithms.slam.map_refinement import RefineParameters
-from mapcli.algorithms.slam.match import Match, MatchHistory, MatchParameters
+from mapcli.algorithms.slam.match import MIN_POINTS, Match, MatchHistory, MatchParameters
 from mapcli.algorithms.slam.motion_model import DeadReckoning, MotionModel
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
-from mapcli.algorithms.slam.odometry_calibration import CalibrationParameters
-from mapcli.algorithms.slam.odometry_faults import FaultParameters, OdometryFaults
-from mapcli.algorithms.slam.scan_matcher import ScanInMap, best_pose
+from mapcli.algorithms.slam.odometry_faults import OdometryFaults
+from mapcli.algorithms.slam.pose_refinement import ScanInMap
+from mapcli.algorithms.slam.scan_matcher import match_scan
 from mapcli.algorithms.slam.scan_points import points_of
 from mapcli.algorithms.slam.submaps import SUBMAP_M
 from mapcli.errors import DataError
@@ -31,25 +41,37 @@ from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan, Record
 from mapcli.model.trace import Status, TracedPose
 
-SCORE_MEMORY = 0.05
-"""The weight of the newest score in the running mean that tells what score is usual."""
+FIRST_SCORE = 0.9
+"""The running score before the first match."""
 
+SCORE_WEIGHT = 0.05
+"""The weight of the newest score in the running score, an exponential moving average."""
 
-MOST_TRIES = 10
-"""Scans that are looked for in a whole known map."""
+MOST_GLOBAL_SCANS = 10
+"""Scans that are localised globally in a known map, at most."""
 
 
 @dataclass(frozen=True)
 class SlamParameters:
-    """One group of parameters per stage; without `loops`, none are closed."""
+    """One group of parameters per stage.
+
+    Attributes:
+        odometry: how far off odometry may be.
+        calibrate_odometry: estimate its systematic errors from the map.
+        detect_odometry_faults: follow hypotheses of odometry that fails (only with the search
+            `window`). It needs a local map that forgets: a map that remembers old laps contradicts
+            right poses as well, when the robot comes back with an error, and the points that then
+            lie in its free space would speak for a failure.
+        loops: without it, none are closed and no pose is refined when the log has ended.
+    """
 
     map: MapParameters = field(default_factory=MapParameters)
-    current: LocalMapParameters = field(default_factory=LocalMapParameters)
+    local_map: LocalMapParameters = field(default_factory=LocalMapParameters)
     perception: PerceptionParameters = field(default_factory=PerceptionParameters)
     odometry: MotionModel = field(default_factory=MotionModel)
-    calibration: CalibrationParameters = field(default_factory=CalibrationParameters)
+    calibrate_odometry: bool = True
     match: MatchParameters = field(default_factory=MatchParameters)
-    faults: FaultParameters = field(default_factory=FaultParameters)
+    detect_odometry_faults: bool = True
     loops: LoopParameters | None = field(default_factory=LoopParameters)
     refine: RefineParameters = field(default_factory=RefineParameters)
 
@@ -57,14 +79,14 @@ class SlamParameters:
 class Slam:
     """A run of Algorithm 9.2 (stateful: `map` and `pose` change with every scan).
 
-    It begins with an empty map, or with a known one; there, without a start pose, the first scan
-    is looked for in the whole map.
+    It begins with an empty map, or with a known one; there, without a start pose, the robot is
+    localised globally.
 
     Attributes:
-        current: m, the current map, and when it is updated.
-        pose: c, the current position; the first scan is taken at the start pose.
-        odometry: what the wheels say; faults: whether they can be believed.
-        trajectory: all poses until now.
+        local_map: m, the current map, and when it is updated.
+        pose: c, the current position, in the map; the first scan is taken at the start pose.
+        odometry: dead reckoning and its uncertainty; faults: hypotheses about odometry that fails.
+        trajectory: all poses until now, and the keyframes, for the back end.
     """
 
     def __init__(
@@ -74,21 +96,20 @@ class Slam:
         known: OccupancyGrid | None = None,
     ) -> None:
         self.parameters = p = parameters or SlamParameters()
-        self.current = LocalMap(known or OccupancyGrid(p.map), p.current)
+        self.local_map = LocalMap(known or OccupancyGrid(p.map), p.local_map)
         self.pose = start or Pose2D()
         self._is_continued = known is not None
-        self._is_lost, self._tries = known is not None and start is None, 0
-        self.odometry = DeadReckoning(p.odometry, p.calibration)
-        self.faults = OdometryFaults(p.faults)
-        # A map that remembers old laps is at odds with the right pose as well.
-        self._tells_faults = p.match.search == "window" and p.current.most_m is not None
+        self._is_lost, self._global_scans = known is not None and start is None, 0
+        self.odometry = DeadReckoning(p.odometry, calibrate=p.calibrate_odometry)
+        self.faults = OdometryFaults()
+        self._detects_faults = p.detect_odometry_faults and p.match.search == "window"
         self.trajectory = TrackedTrajectory()
-        self._lately, self._has_begun = MatchHistory(0.9), False
+        self._history, self._has_begun = MatchHistory(FIRST_SCORE), False
 
     @property
     def map(self) -> OccupancyGrid:
         """m, the current map."""
-        return self.current.grid
+        return self.local_map.grid
 
     def replay(self, records: Iterable[Record]) -> Iterator[TracedPose]:
         """Every scan of a log with the pose it was taken at, in time order."""
@@ -104,47 +125,51 @@ class Slam:
         p = perceive(scan, self.parameters.perception)  # 4: analyze sensor data
         b = Match(n, 0.0, 0, found=False)
         if self._is_lost:
-            b = self._locate(p)
+            b = self._localize_globally(p)
         elif not first or self._is_continued:  # 5-8: the best test position around n
             uncertainty = self.odometry.uncertainty(motion)
-            b = best_pose(self.map, p, n, uncertainty, self.parameters.match, self._lately)
-            if self._tells_faults:
-                near = ScanInMap(self.map, p, self.parameters.match)
-                b = self.faults.weigh(c, uncertainty, b, near, self._lately.score)
-            self._learn(c, b)
+            b = match_scan(self.map, p, n, uncertainty, self.parameters.match, self._history)
+            if self._detects_faults:
+                scan_in_map = ScanInMap(self.map, p, self.parameters.match)
+                b = self.faults.select(c, uncertainty, b, scan_in_map, self._history)
+            self._update_history(c, b)
         n = b.pose  # 9: replace new position by best position
-        in_map = not self._is_lost and self.current.update(n, p)  # 10: update map based on it
+        in_map = not self._is_lost and self.local_map.update(n, p)  # 10: update map based on it
         self._record(p, n, b, in_map=in_map)
         self.pose, self._has_begun = n, True  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
         return TracedPose(scan.stamp_ns, n, odom, b.score if b.found else None, status)
 
-    def _locate(self, perception: Perception) -> Match:
-        """The first position in a known map."""
-        match = locate(self.map, perception, self.parameters.match)
+    def _localize_globally(self, perception: Perception) -> Match:
+        """The first pose in a known map.
+
+        Raises:
+            DataError: `MOST_GLOBAL_SCANS` scans are found nowhere.
+        """
+        match = localize_globally(self.map, perception, self.parameters.match)
         self._is_lost = not match.found
-        self._tries += len(perception.hits) >= self.parameters.match.fewest
-        if self._is_lost and self._tries == MOST_TRIES:
+        self._global_scans += len(perception.hits) >= MIN_POINTS
+        if self._is_lost and self._global_scans == MOST_GLOBAL_SCANS:
             raise DataError(
-                f"{MOST_TRIES} scans are found nowhere in the known map",
-                expected="--initial-pose, or another map",
+                f"{MOST_GLOBAL_SCANS} scans are found nowhere in the known map",
+                expected="a start pose, or another map",
             )
         return match
 
-    def _learn(self, before: Pose2D, match: Match) -> None:
-        """What the match tells about scores and wheels."""
-        usual = self._lately.score
+    def _update_history(self, before: Pose2D, match: Match) -> None:
+        """The running score, and the calibration of odometry, after a match."""
+        score = self._history.running_score
         if match.found:
-            usual += SCORE_MEMORY * (match.score - usual)
-            if self.faults.believed == "wheels":
+            score += SCORE_WEIGHT * (match.score - score)
+            if self.faults.active == "odometry":
                 self.odometry.calibrate(before.between(match.pose), match.information)
-        self._lately = MatchHistory(usual, match.doubtful)
+        self._history = MatchHistory(score, match.relocalisation_candidate)
 
     def _record(self, perception: Perception, pose: Pose2D, match: Match, *, in_map: bool) -> None:
         """Keep what is needed when the log has ended."""
         if self.parameters.loops is None:
             return
-        self.trajectory.amend(self.faults.way)
+        self.trajectory.amend(self.faults.past_poses)
         self.trajectory.add(pose, points_of(perception, self.parameters.map.resolution).metres)
         if in_map:
             self.trajectory.add_keyframe(perception, match.information, self.parameters.odometry)

@@ -16,12 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
-from mapcli.algorithms.slam._kernels import branch_and_bound as kernels
+from mapcli.algorithms.slam._kernels.branch_and_bound import rotated_scans
 from mapcli.algorithms.slam._kernels.window_scores import score_shifts
 from mapcli.algorithms.slam.agreement import FULL_SCORE, agreement
+from mapcli.algorithms.slam.correlative_search import (
+    SearchWindow,
+    best_in_window,
+    prediction_prior,
+)
 from mapcli.algorithms.slam.keyframes import Keyframe
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
-from mapcli.algorithms.slam.loop_candidates import SearchWindow
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
 from mapcli.algorithms.slam.scan_points import thinned, window_box
 from mapcli.algorithms.slam.submaps import keyframes_around
@@ -51,9 +55,8 @@ points find the same place in less time; finer ones fit better."""
 TURN_STEP = math.radians(0.5)
 """Between headings that are searched: at 6 m a cell of 5 cm."""
 
-PRIOR_WEIGHT, PRIOR_SCALE = 0.1, 9.0
-"""What a pose loses by being unlikely, at most, as a share of a perfect score; squared standard
-deviations at which it loses half of it."""
+PRIOR_WEIGHT = 0.1
+"""What a pose loses by being unlikely, at most, as a share of a perfect score."""
 
 SCORE_SCALE = 0.02
 """Poses that score this much less, as a share of a perfect score, are e times less likely."""
@@ -120,20 +123,20 @@ class SubmapMatcher:
         if not len(points):
             return None
         cell = self.map.resolution
-        half = math.ceil(window.xy / cell), math.ceil(window.theta / TURN_STEP)
-        far, wide = (half[0] + max(LEVEL_WIDTHS)) * cell, (half[1] + 1) * TURN_STEP
+        poses = window.poses(cell, TURN_STEP)
+        far, wide = (poses.reach + max(LEVEL_WIDTHS)) * cell, (poses.turns + 1) * TURN_STEP
         grid = self.map_around(old, window_box(points, predicted, far, wide))
         start = grid.pose_to_cells(predicted)
         cells = thinned(points, SEARCH_CELL) / cell
-        du, dv, turn, _, _ = kernels.search(
-            grid.fields, LEVEL_WIDTHS, cells, start, half, (1, TURN_STEP),
-            self._prior(len(cells), deviations), kernels.top_level(half[0]),
-        )  # fmt: skip
-        best = start + np.array([du, dv, turn * TURN_STEP])
+        most = PRIOR_WEIGHT * FULL_SCORE * len(cells)
+        prior = prediction_prior(most, deviations, cell, TURN_STEP)
+        found = best_in_window(grid, cells, start, poses, prior)
+        best = found.cells(start, TURN_STEP)
         fit = grid.surfels.fit(points, grid.pose_from_cells(best))
         score, known, _ = agreement(grid, cells, grid.pose_to_cells(fit.pose))
-        at_edge = max(abs(du), abs(dv)) >= half[0] - EDGE or abs(turn) >= half[1] - EDGE
-        spread = self._score_covariance(grid, cells, best, (start - best)[:2].round(), half[0])
+        at_edge = max(abs(found.du), abs(found.dv)) >= poses.reach - EDGE
+        at_edge = at_edge or abs(found.turn) >= poses.turns - EDGE
+        spread = self._score_covariance(grid, cells, best, (start - best)[:2].round(), poses.reach)
         covariance = covariance_from_information(fit.information_in_own_frame())
         covariance += LEAST_DEVIATIONS.covariance()
         covariance += turned_covariance(spread, -fit.pose.theta)
@@ -194,12 +197,6 @@ class SubmapMatcher:
                 chosen.append(k)
         return chosen
 
-    def _prior(self, points: int, deviations: StandardDeviations) -> kernels.Prior:
-        """What poses lose that the graph thinks unlikely, see `branch_and_bound.penalty`."""
-        most = PRIOR_WEIGHT * FULL_SCORE * points
-        xy, turn = deviations
-        return most, PRIOR_SCALE, (self.map.resolution / xy) ** 2, (TURN_STEP / turn) ** 2
-
     def _score_covariance(
         self,
         grid: OccupancyGrid,
@@ -217,15 +214,14 @@ class SubmapMatcher:
             centre: of the window, (u, v) in cells from the best pose; reach: its half-width.
         """
         columns, count = grid.log_odds.shape[1], 2 * reach // SCORE_STRIDE
-        places = kernels.turned(cells, best, 0, 0.0, columns)[0]
+        scan = rotated_scans(cells, best, 0, 0.0, columns)[0]
         # Whole strides from the best pose, so that it is one of those that are asked.
         low_u, low_v = (
             math.ceil((c - reach) / SCORE_STRIDE) * SCORE_STRIDE for c in centre.tolist()
         )
         sums = np.empty((count, count), np.int64)
-        score_shifts(
-            grid.fields[1].reshape(-1), places, columns, (low_u, low_v), SCORE_STRIDE, sums
-        )
+        field = grid.fields[1].reshape(-1)
+        score_shifts(field, scan, columns, (low_u, low_v), SCORE_STRIDE, sums)
         share = (sums - sums.max()) / (FULL_SCORE * len(cells) * SCORE_SCALE)
         weights = np.exp(share)
         steps = np.arange(count) * SCORE_STRIDE

@@ -12,19 +12,20 @@ from support.looping import MAP, blind, box, scan_at, see
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import edges_of
 from mapcli.algorithms.slam import global_localization as locating
-from mapcli.algorithms.slam.global_localization import locate
+from mapcli.algorithms.slam.global_localization import localize_globally
 from mapcli.algorithms.slam.local_map import LocalMapParameters
 from mapcli.algorithms.slam.log_odds import LOG_ODDS_UNIT, log_odds_of
 from mapcli.algorithms.slam.match import MatchParameters
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
-from mapcli.algorithms.slam.slam import MOST_TRIES, Slam, SlamParameters
+from mapcli.algorithms.slam.slam import MOST_GLOBAL_SCANS, Slam, SlamParameters
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.world import World
 
 MATCH = MatchParameters()
-SLAM = SlamParameters(loops=None, current=LocalMapParameters(most_m=None))
+FORGETS_NOTHING = LocalMapParameters(max_length_m=None)
+SLAM = SlamParameters(loops=None, local_map=FORGETS_NOTHING, detect_odometry_faults=False)
 
 
 def flat() -> np.ndarray:
@@ -38,7 +39,7 @@ def flat() -> np.ndarray:
 FLAT = flat()
 ROUND = [[3 * math.cos(a), 3 * math.sin(a)] for a in np.arange(0, math.tau, 0.1).tolist()]
 HALL = edges_of(World.of([ROUND]))
-HALL_POSES = [Pose2D(0.1 * k, 0.05 * k, 0.3 * k) for k in range(MOST_TRIES)]
+HALL_POSES = [Pose2D(0.1 * k, 0.05 * k, 0.3 * k) for k in range(MOST_GLOBAL_SCANS)]
 """A round hall, and a drive in it: nothing in the flat is like it."""
 
 PLACES = [(0.4, 0.7), (2.2, 2.7), (4.3, 2.2), (7.6, 1.6), (5.5, 4.5), (3.9, 4.8), (1.9, 4.5)]
@@ -57,7 +58,7 @@ def opened(grid: GridMap) -> OccupancyGrid:
     return OccupancyGrid.of(grid, MAP)
 
 
-# --- locate
+# --- localize_globally
 
 
 @pytest.mark.parametrize("heading", [0.0, 1.3, -2.2, math.pi])
@@ -67,7 +68,7 @@ def test_the_pose_is_found_anywhere_at_any_heading(known: GridMap, heading: floa
     for x, y in PLACES:
         x, y = x + rng.uniform(-0.15, 0.15), y + rng.uniform(-0.15, 0.15)
         true = Pose2D(x, y, wrap_angle(heading + rng.uniform(-0.2, 0.2)))
-        match = locate(grid, see(FLAT, true), MATCH)
+        match = localize_globally(grid, see(FLAT, true), MATCH)
         assert match.found
         assert match.pose.distance(true) < MAP.resolution
         assert abs(true.between(match.pose).theta) < math.radians(0.5)
@@ -76,7 +77,7 @@ def test_the_pose_is_found_anywhere_at_any_heading(known: GridMap, heading: floa
 
 def test_a_hall_is_not_in_this_flat(known: GridMap) -> None:
     for pose in HALL_POSES:
-        match = locate(opened(known), see(HALL, pose), MATCH)
+        match = localize_globally(opened(known), see(HALL, pose), MATCH)
         assert not match.found
         assert match.pose == Pose2D()
 
@@ -84,14 +85,14 @@ def test_a_hall_is_not_in_this_flat(known: GridMap) -> None:
 def test_a_scan_of_nothing_is_found_nowhere(known: GridMap) -> None:
     few = np.array([[1.0, 0.0], [1.0, 0.5], [1.0, 1.0], [2.0, 1.0]])
     for hits in (few[:0], few):
-        match = locate(opened(known), Perception(hits, few[:0], np.zeros(2)), MATCH)
+        match = localize_globally(opened(known), Perception(hits, few[:0], np.zeros(2)), MATCH)
         assert not match.found
 
 
 def test_a_map_far_from_its_origin(known: GridMap) -> None:
     away = replace(known, origin=Pose2D(known.origin.x - 1000.0, known.origin.y + 500.0))
     true = Pose2D(4.4, 2.3, 2.0)
-    match = locate(opened(away), see(FLAT, true), MATCH)
+    match = localize_globally(opened(away), see(FLAT, true), MATCH)
     assert match.found
     assert match.pose.distance(Pose2D(-995.6, 502.3)) < MAP.resolution
 
@@ -100,11 +101,11 @@ def test_too_large_a_map_is_refused(known: GridMap, monkeypatch: pytest.MonkeyPa
     # 9.1 m at 5 cm are 12 squares of 16 cells at most, at 721 headings: 121,849 nodes.
     scan = see(FLAT, Pose2D(*PLACES[0]))
     monkeypatch.setattr(locating, "MOST_NODES", 130_000)
-    assert locate(opened(known), scan, MATCH).found
+    assert localize_globally(opened(known), scan, MATCH).found
     monkeypatch.setattr(locating, "MOST_NODES", 90_000)
     with pytest.raises(DataError, match="too large to look everywhere: 9 m across") as error:
-        locate(opened(known), scan, MATCH)
-    assert "--initial-pose" in str(error.value.expected)
+        localize_globally(opened(known), scan, MATCH)
+    assert "a start pose" in str(error.value.expected)
 
 
 # --- a run in a known map

@@ -33,7 +33,7 @@ def remembered(current: LocalMap, now: float) -> float:
     return now - (grid.origin.x + columns[0] * CELL)
 
 
-FORGETFUL = {"update_m": 1.0, "most_m": 10.0, "least_m": 3.0, "least_updates": 2}
+FORGETFUL = {"update_m": 1.0, "max_length_m": 10.0, "min_length_m": 3.0, "min_updates": 2}
 REACH = 0.2 + CELL
 """Metres that one scan shows behind the robot, and a cell."""
 
@@ -53,7 +53,7 @@ def test_it_forgets_but_never_too_much() -> None:
 
 
 def test_it_has_some_updates_at_least() -> None:
-    current = new(**{**FORGETFUL, "least_m": 1.0, "least_updates": 5})
+    current = new(**{**FORGETFUL, "min_length_m": 1.0, "min_updates": 5})
     for metres in range(40):
         current.update(Pose2D(metres), seen())
         # Of five updates in a row the first is four metres back.
@@ -70,7 +70,7 @@ def test_turning_on_the_spot_forgets_nothing() -> None:
 
 
 def test_none_never_forgets() -> None:
-    current = new(update_m=1.0, most_m=None)
+    current = new(update_m=1.0, max_length_m=None)
     for metres in range(60):
         current.update(Pose2D(metres), seen())
     assert remembered(current, 59) == pytest.approx(59, abs=REACH)
@@ -127,7 +127,7 @@ def test_small_steps_add_up() -> None:
 
 
 def test_a_scan_of_few_points_does_not_begin_a_map() -> None:
-    current = new(update_m=0.3, fewest=5)
+    current = new(update_m=0.3)
     assert not current.update(Pose2D(), seen(4))
     assert not current.update(Pose2D(), seen(0))
     assert current.update(Pose2D(0.1), seen(5))  # without driving 0.3 m

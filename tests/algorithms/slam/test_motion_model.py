@@ -1,4 +1,4 @@
-"""The wheels' motions from scan to scan: leaps, silence, and what is expected of them."""
+"""Dead reckoning from scan to scan: jumps, silence, and how far off it may be."""
 
 from __future__ import annotations
 
@@ -7,8 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from mapcli.algorithms.slam.motion_model import HIGHEST_SPEED, DeadReckoning, MotionModel
+from mapcli.algorithms.slam.motion_model import (
+    HIGHEST_SPEED,
+    DeadReckoning,
+    MotionModel,
+    OdometryUncertainty,
+)
 from mapcli.model.pose import Pose2D
+from mapcli.model.se2_uncertainty import StandardDeviations
 
 SECOND = 10**9
 SURE = np.diag([0.003**-2, 0.003**-2, math.radians(0.1) ** -2])
@@ -19,9 +25,9 @@ def test_the_first_scan_has_no_motion() -> None:
 
 
 def test_a_motion_is_seen_from_the_robot() -> None:
-    wheels = DeadReckoning()
-    wheels.motion(0, Pose2D(5, 6, math.pi / 2))
-    motion = wheels.motion(SECOND, Pose2D(5, 7, math.pi))
+    odometry = DeadReckoning()
+    odometry.motion(0, Pose2D(5, 6, math.pi / 2))
+    motion = odometry.motion(SECOND, Pose2D(5, 7, math.pi))
     assert motion is not None
     assert (motion.x, motion.y, motion.theta) == pytest.approx((1, 0, math.pi / 2))
 
@@ -30,64 +36,87 @@ def test_a_motion_is_seen_from_the_robot() -> None:
 def test_only_leaps_are_jumps(seconds: int) -> None:
     farthest = 1.0 + HIGHEST_SPEED * seconds
     for metres, jumps in ((farthest - 0.01, 0), (farthest + 0.01, 1)):
-        wheels = DeadReckoning()
-        wheels.motion(0, Pose2D())
-        motion = wheels.motion(seconds * SECOND, Pose2D(metres))
-        assert wheels.jumps == jumps
+        odometry = DeadReckoning()
+        odometry.motion(0, Pose2D())
+        motion = odometry.motion(seconds * SECOND, Pose2D(metres))
+        assert odometry.jumps == jumps
         assert motion == (None if jumps else Pose2D(metres))
 
 
-def test_after_a_jump_the_wheels_are_believed_again() -> None:
-    wheels = DeadReckoning()
+def test_after_a_jump_odometry_is_believed_again() -> None:
+    odometry = DeadReckoning()
     places = [Pose2D(), Pose2D(0.1), Pose2D(40.1), Pose2D(40.2)]
-    motions = [wheels.motion(k * SECOND // 10, pose) for k, pose in enumerate(places)]
+    motions = [odometry.motion(k * SECOND // 10, pose) for k, pose in enumerate(places)]
     assert motions[2] is None
     assert motions[3] is not None
     assert motions[3].x == pytest.approx(0.1)
-    assert wheels.jumps == 1
+    assert odometry.jumps == 1
 
 
 def test_silence_is_no_motion_and_no_jump() -> None:
-    wheels = DeadReckoning()
+    odometry = DeadReckoning()
     places = [Pose2D(), None, Pose2D(50.0), Pose2D(50.1)]
-    motions = [wheels.motion(k * SECOND // 10, pose) for k, pose in enumerate(places)]
+    motions = [odometry.motion(k * SECOND // 10, pose) for k, pose in enumerate(places)]
     assert motions[:3] == [None] * 3
     assert motions[3] is not None
-    assert wheels.jumps == 0
+    assert odometry.jumps == 0
 
 
 def test_uncertainty_by_hand() -> None:
-    model = MotionModel(0.02, 0.1, 0.05, 0.5, 0.15, 2.0, 0.3, 10.0)
-    uncertainty = model.uncertainty(Pose2D(0.3, -0.4, -0.2))  # half a metre and 0.2 rad
-    assert uncertainty.deviations.xy == pytest.approx(0.02 + 0.1 * 0.5 + 0.05 * 0.2)
-    assert uncertainty.deviations.theta == pytest.approx(math.radians(0.5 + 2.0 * 0.5) + 0.15 * 0.2)
-    assert uncertainty.metres == pytest.approx(0.5)
-    standing = model.uncertainty(Pose2D())
-    assert standing.deviations == pytest.approx((0.02, math.radians(0.5)))
-    silent = model.uncertainty(None)
-    assert (silent.deviations, silent.metres) == ((0.3, math.radians(10)), 0)
+    model = MotionModel(
+        xy_floor=0.01, xy_per_m=0.1, xy_per_rad=0.2,
+        turn_floor_deg=1.0, turn_per_rad=0.5, turn_deg_per_m=2.0,
+        silent_xy=0.4, silent_turn_deg=30.0,
+    )  # fmt: skip
+    moved = model.uncertainty(Pose2D(3, -4, -0.1))  # 5 m, 0.1 rad
+    assert moved.deviations.xy == pytest.approx(0.01 + 0.5 + 0.02)
+    assert moved.deviations.theta == pytest.approx(math.radians(1 + 10) + 0.05)
+    assert moved.metres == pytest.approx(5)
+    standing = OdometryUncertainty(StandardDeviations(0.01, math.radians(1)), 0)
+    assert model.uncertainty(Pose2D()) == standing
+    silent = OdometryUncertainty(StandardDeviations(0.4, math.radians(30)), 0, window_sigmas=2)
+    assert model.uncertainty(None) == silent
 
 
-def test_motions_are_corrected_by_what_was_learned() -> None:
-    wheels = DeadReckoning()
+def test_what_separates_two_poses() -> None:
+    uncertainty = OdometryUncertainty(StandardDeviations(0.1, 0.02), 0)
+    here = Pose2D(1, 2, 3.13)
+    for x, theta, separated in ((0.19, 0.039, False), (0.21, 0.0, True), (0.0, -0.041, True)):
+        there = here.compose(Pose2D(x, 0, theta))
+        assert uncertainty.separates(here, there, 2.0) == separated
+        assert uncertainty.separates(here, there, 1.0) == (x > 0.1 or abs(theta) > 0.02)
+
+
+def test_motions_are_corrected_by_the_calibration() -> None:
+    odometry = DeadReckoning()
     for k in range(200):  # counts 5 % more than it drives
-        motion = wheels.motion(k * SECOND // 10, Pose2D(0.21 * k))
+        motion = odometry.motion(k * SECOND // 10, Pose2D(0.21 * k))
         if motion is not None:
-            wheels.calibrate(Pose2D(0.2), SURE)
+            odometry.calibrate(Pose2D(0.2), SURE)
     assert motion is not None
     assert motion.x == pytest.approx(0.2, abs=0.001)
 
 
-def test_nothing_is_learned_without_odometry_or_without_a_map() -> None:
-    wheels = DeadReckoning()
-    wheels.motion(0, Pose2D())
-    wheels.calibrate(Pose2D(0.3), SURE)  # the first scan
-    wheels.motion(SECOND, Pose2D(0.21))
-    wheels.calibrate(Pose2D(0.2), None)  # the map says nothing about how well it knows
-    wheels.motion(2 * SECOND, None)
-    wheels.calibrate(Pose2D(0.2), SURE)  # silence
-    assert wheels.calibration.metres == 1
-    wheels.motion(3 * SECOND, Pose2D(0.21))
-    wheels.motion(4 * SECOND, Pose2D(0.42))
-    wheels.calibrate(Pose2D(0.2), SURE)
-    assert wheels.calibration.metres < 1
+def test_nothing_is_calibrated_without_odometry_or_without_a_map() -> None:
+    odometry = DeadReckoning()
+    odometry.motion(0, Pose2D())
+    odometry.calibrate(Pose2D(0.3), SURE)  # the first scan
+    odometry.motion(SECOND, Pose2D(0.21))
+    odometry.calibrate(Pose2D(0.2), None)  # the map says nothing about how well it knows
+    odometry.motion(2 * SECOND, None)
+    odometry.calibrate(Pose2D(0.2), SURE)  # silence
+    assert odometry.calibration is not None
+    assert odometry.calibration.metres == 1
+    odometry.motion(3 * SECOND, Pose2D(0.21))
+    odometry.motion(4 * SECOND, Pose2D(0.42))
+    odometry.calibrate(Pose2D(0.2), SURE)
+    assert odometry.calibration.metres < 1
+
+
+def test_without_calibration_motions_are_as_counted() -> None:
+    odometry = DeadReckoning(calibrate=False)
+    for k in range(20):
+        motion = odometry.motion(k * SECOND, Pose2D(0.21 * k))
+        odometry.calibrate(Pose2D(0.2), SURE)
+    assert motion is not None
+    assert motion.x == pytest.approx(0.21, abs=1e-9)

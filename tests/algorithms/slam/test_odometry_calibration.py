@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mapcli.algorithms.slam.motion_model import MotionModel
-from mapcli.algorithms.slam.odometry_calibration import CalibrationParameters, OdometryCalibration
+from mapcli.algorithms.slam.odometry_calibration import OdometryCalibration
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import StandardDeviations
 
@@ -40,7 +40,7 @@ def learned(
         counted = Pose2D(
             metres * motion.x + rng.normal(0, noise[0]), 0.0, turn + rng.normal(0, noise[1])
         )
-        calibration.calibrate(counted, motion, SURE, deviations)
+        calibration.update(counted, motion, SURE, deviations)
     return calibration
 
 
@@ -76,7 +76,7 @@ def test_wheels_that_count_too_much_and_turn_too_little() -> None:
 def test_noise_does_not_shift_what_is_learned(seed: int) -> None:
     # Least squares would take noise for motion: factors too low by (0.05 / 0.2)^2 = 6 % and by
     # (0.05 / 0.33)^2 = 2.3 %. Signs as instruments err by chance alone: 0.25 / sqrt(4000) = 0.4 %
-    # and 0.24 %, and three times that at most. (Turns are far from `turning_deg`: noise decides
+    # and 0.24 %, and three times that at most. (Turns are far from `TURNING`: noise decides
     # which of those near it count.)
     noise = 0.05, 0.05
     calibration = learned(drive(seed, 4000), (1.03, 0.95, 0.0), noise, seed=seed)
@@ -104,7 +104,7 @@ def test_straight_driving_after_turning_keeps_what_was_learned() -> None:
     calibration = learned(drive(0, 400), (1.0, 0.95, 0.0))
     before = calibration.turns
     for _ in range(1000):
-        calibration.calibrate(Pose2D(0.2), Pose2D(0.2), SURE, WIDE)
+        calibration.update(Pose2D(0.2), Pose2D(0.2), SURE, WIDE)
     assert calibration.turns == pytest.approx(before, abs=1e-3)
 
 
@@ -116,15 +116,15 @@ def test_outliers_teach_nothing(found: Pose2D) -> None:
     counted, calibration = Pose2D(0.2), OdometryCalibration()
     deviations = MotionModel().uncertainty(counted).deviations
     for _ in range(100):
-        calibration.calibrate(counted, found, SURE, deviations)
+        calibration.update(counted, found, SURE, deviations)
     assert (calibration.metres, calibration.turns, calibration.drift) == (1, 1, 0)
 
 
-def test_a_motion_within_the_doubt_teaches() -> None:
-    calibration = OdometryCalibration(CalibrationParameters(doubt=3.0))
+def test_a_motion_within_three_standard_deviations_is_no_outlier() -> None:
+    calibration = OdometryCalibration()
     for off, teaches in ((0.029, True), (0.031, False)):
-        calibration = OdometryCalibration(CalibrationParameters(doubt=3.0))
-        calibration.calibrate(Pose2D(0.2), Pose2D(0.2 + off), SURE, StandardDeviations(0.01, 1.0))
+        calibration = OdometryCalibration()
+        calibration.update(Pose2D(0.2), Pose2D(0.2 + off), SURE, StandardDeviations(0.01, 1.0))
         assert (calibration.metres != 1) == teaches
 
 
@@ -133,12 +133,12 @@ def test_what_the_map_does_not_fix_teaches_little() -> None:
     blind = np.diag([0.0, 0.01**-2, math.radians(0.1) ** -2])
     calibration = OdometryCalibration()
     for _ in range(500):
-        calibration.calibrate(Pose2D(0.22), Pose2D(0.2), blind, WIDE)
+        calibration.update(Pose2D(0.22), Pose2D(0.2), blind, WIDE)
     assert calibration.metres == pytest.approx(1, abs=1e-3)
 
 
 def test_backing_up_counts_as_much_as_driving_ahead() -> None:
     calibration = OdometryCalibration()
     for sign in (1, -1) * 200:
-        calibration.calibrate(Pose2D(0.22 * sign), Pose2D(0.2 * sign), SURE, WIDE)
+        calibration.update(Pose2D(0.22 * sign), Pose2D(0.2 * sign), SURE, WIDE)
     assert calibration.metres == pytest.approx(1 / 1.1, abs=0.01)

@@ -1,4 +1,4 @@
-"""Wheels that count backwards or nothing at all, where one scan does not tell."""
+"""Odometry that counts backwards or nothing at all, where one scan does not tell."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from support.looping import box, laps, log_of, ring, scan_at, worst
 
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import edges_of
-from mapcli.algorithms.slam.match import Match, MatchParameters
+from mapcli.algorithms.slam.match import Match, MatchHistory, MatchParameters
 from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
-from mapcli.algorithms.slam.odometry_faults import FaultParameters, OdometryFaults
-from mapcli.algorithms.slam.scan_matcher import ScanInMap
+from mapcli.algorithms.slam.odometry_faults import JITTER, OdometryFaults
+from mapcli.algorithms.slam.pose_refinement import ScanInMap
 from mapcli.algorithms.slam.slam import Slam
 from mapcli.model.pose import Pose2D
 from mapcli.model.world import World
@@ -56,13 +56,12 @@ def wheels(true: list[Pose2D], factors: dict[int, float]) -> list[Pose2D]:
 
 
 def replayed(true: list[Pose2D], odom: list[Pose2D]) -> tuple[list[Pose2D], set[str], int]:
-    """The poses in the end, all that was believed of the wheels, and at how many scans they were
-    not believed."""
-    slam, believed = Slam(), set()
+    """The poses in the end, all active hypotheses, and at how many scans odometry was wrong."""
+    slam, active = Slam(), set()
     scans = [scan_at(CORRIDOR, pose, k) for k, pose in enumerate(true)]
     for _ in slam.replay(log_of(scans, odom)):
-        believed.add(slam.faults.believed)
-    return slam.trajectory.poses, believed, slam.faults.scans
+        active.add(slam.faults.active)
+    return slam.trajectory.poses, active, slam.faults.faulty_scans
 
 
 # --- inertia, where the robot sees nothing
@@ -78,40 +77,41 @@ def blindly(motions: list[float], seconds: float) -> OdometryFaults:
         motion = faults.motion(round(k * seconds * SECOND), Pose2D(metres))
         assert motion is not None
         here = Match(pose.compose(motion), 0.0, 0, found=False)
-        pose = faults.weigh(pose, MotionModel().uncertainty(motion), here, scan, 0.9).pose
+        uncertainty = MotionModel().uncertainty(motion)
+        pose = faults.select(pose, uncertainty, here, scan, MatchHistory(0.9)).pose
     return faults
 
 
 def test_no_robot_turns_round_between_two_scans() -> None:
     # From 1 m/s to -1 m/s in a quarter of a second: 8 m/s², eight deviations.
-    assert blindly([0.25, 0.25, -0.25], 0.25).believed == "reversed"
-    assert blindly([0.25, 0.25, -0.25, -0.25], 0.25).believed == "reversed"
+    assert blindly([0.25, 0.25, -0.25], 0.25).active == "reversed"
+    assert blindly([0.25, 0.25, -0.25, -0.25], 0.25).active == "reversed"
     # And back as soon as the wheels turn round again.
-    assert blindly([0.25, 0.25, -0.25, -0.25, 0.25], 0.25).believed == "wheels"
+    assert blindly([0.25, 0.25, -0.25, -0.25, 0.25], 0.25).active == "odometry"
 
 
 def test_a_robot_that_has_time_may_turn_round() -> None:
-    assert blindly([0.25, 0.25, -0.25, -0.25], 2.0).believed == "wheels"
-    assert blindly([0.25, 0.2, 0.1, 0.0, -0.1, -0.2, -0.25], 0.25).believed == "wheels"
+    assert blindly([0.25, 0.25, -0.25, -0.25], 2.0).active == "odometry"
+    assert blindly([0.25, 0.2, 0.1, 0.0, -0.1, -0.2, -0.25], 0.25).active == "odometry"
 
 
-def test_standing_wheels_are_as_good_as_new() -> None:
-    assert blindly([0.25, 0.25, -0.25, 0.0], 0.25).believed == "wheels"
+def test_at_standstill_odometry_is_as_good_as_new() -> None:
+    assert blindly([0.25, 0.25, -0.25, 0.0], 0.25).active == "odometry"
 
 
 def test_a_stop_alone_is_no_failure() -> None:
     # 4 m/s²: four deviations are eight nats, and twelve are needed.
     faults = blindly([0.25, 0.25, 0.0], 0.25)
-    assert faults.believed == "wheels"
-    usual = math.hypot(0.25, math.sqrt(2) * FaultParameters().jitter / 0.25)
-    assert faults.rivals["goes on"].evidence == pytest.approx((1 / usual) ** 2 / 2)
+    assert faults.active == "odometry"
+    deviation = math.hypot(0.25, math.sqrt(2) * JITTER / 0.25)
+    assert faults.alternatives["keeps going"].log_ratio == pytest.approx((1 / deviation) ** 2 / 2)
 
 
-def test_silence_forgets_everything() -> None:
+def test_without_odometry_every_hypothesis_ends() -> None:
     faults = blindly([0.25, 0.25, -0.25], 0.25)
     assert faults.motion(SECOND, None) is None
-    assert faults.believed == "wheels"
-    assert not faults.rivals
+    assert faults.active == "odometry"
+    assert not faults.alternatives
 
 
 # --- in a corridor
@@ -121,8 +121,8 @@ def test_wheels_that_count_backwards_while_the_robot_drives() -> None:
     true = drive([0.25] * 100)
     odom = wheels(true, dict.fromkeys(range(40, 60), -1.0))
     assert worst(odom, true) == pytest.approx(10)
-    poses, believed, failed = replayed(true, odom)
-    assert believed == {"wheels", "reversed"}
+    poses, active, failed = replayed(true, odom)
+    assert active == {"odometry", "reversed"}
     assert failed == 20
     assert worst(poses, true) < 0.1
 
@@ -135,16 +135,16 @@ def test_wheels_that_count_backwards_while_the_robot_backs_up() -> None:
     first = 4 + 60 + 5
     odom = wheels(true, dict.fromkeys(range(first, first + len(back)), -1.0))
     assert worst(odom, true) > 11
-    poses, believed, failed = replayed(true, odom)
-    assert "reversed" in believed
+    poses, active, failed = replayed(true, odom)
+    assert "reversed" in active
     assert failed == pytest.approx(len(back), abs=5)  # the slow ones at its ends may be either
     assert worst(poses, true) < 0.2
 
 
 def test_wheels_that_count_nothing() -> None:
     true = drive([0.4] * 90)
-    poses, believed, failed = replayed(true, wheels(true, dict.fromkeys(range(40, 55), 0.0)))
-    assert believed == {"wheels", "goes on"}
+    poses, active, failed = replayed(true, wheels(true, dict.fromkeys(range(40, 55), 0.0)))
+    assert active == {"odometry", "keeps going"}
     assert failed == pytest.approx(15, abs=2)
     assert worst(poses, true) < 0.3
 
@@ -153,8 +153,8 @@ def test_good_wheels_are_believed() -> None:
     rng = np.random.default_rng(3)
     true = drive([0.1, 0.2, *[0.25] * 60, 0.15, 0.05, 0, 0, -0.1, *[-0.25] * 30])
     noisy = {k: float(f) for k, f in enumerate(rng.normal(1.03, 0.1, len(true)))}
-    poses, believed, failed = replayed(true, wheels(true, noisy))
-    assert believed == {"wheels"}
+    poses, active, failed = replayed(true, wheels(true, noisy))
+    assert active == {"odometry"}
     assert failed == 0
     assert worst(poses, true) < 0.3
 
@@ -164,4 +164,4 @@ def test_good_wheels_are_believed_round_corners() -> None:
     slam = Slam()
     scans = [scan_at(edges, pose, k) for k, pose in enumerate(true)]
     for _ in slam.replay(log_of(scans, true)):
-        assert slam.faults.believed == "wheels"
+        assert slam.faults.active == "odometry"

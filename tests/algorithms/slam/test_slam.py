@@ -17,7 +17,6 @@ from mapcli.algorithms.slam.local_map import LocalMapParameters
 from mapcli.algorithms.slam.match import MatchParameters, Search
 from mapcli.algorithms.slam.motion_model import HIGHEST_SPEED
 from mapcli.algorithms.slam.occupancy_grid import MapParameters
-from mapcli.algorithms.slam.odometry_calibration import CalibrationParameters
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record
@@ -248,7 +247,7 @@ def test_a_scan_without_returns_goes_by_odometry(value: float) -> None:
     records = log_of(POSES, odometry_of(POSES))
     for k in (20, 21):
         records[2 * k + 1] = blind(k, value)
-    as_counted = SlamParameters(calibration=CalibrationParameters(1e12, 1e12))
+    as_counted = SlamParameters(calibrate_odometry=False)
     found = replay(records, as_counted)
     assert_near(found, POSES)
     expected = ["first"] + ["matched"] * (len(POSES) - 1)
@@ -352,7 +351,7 @@ def test_the_start_is_where_one_says() -> None:
     ],
 )
 def test_the_map_is_updated_where_the_robot_has_moved(moved: Pose2D, updated: bool) -> None:
-    slam = Slam(SlamParameters(current=LocalMapParameters(update_m=0.3, update_deg=17.0)))
+    slam = Slam(SlamParameters(local_map=LocalMapParameters(update_m=0.3, update_deg=17.0)))
     here = Pose2D(0.02, 0.01, 3.1)
     there = here.compose(moved)
     slam.step(scan_at(here, 0), here)

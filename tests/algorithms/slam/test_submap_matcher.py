@@ -10,8 +10,8 @@ from support.looping import MAP, box, laps, ring, see, trajectory_of
 
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import edges_of
+from mapcli.algorithms.slam.correlative_search import SearchWindow
 from mapcli.algorithms.slam.keyframes import Keyframe
-from mapcli.algorithms.slam.loop_candidates import SearchWindow
 from mapcli.algorithms.slam.submap_matcher import SubmapMatcher
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import StandardDeviations

@@ -1,66 +1,238 @@
-"""Finding the pose at which a scan fits the map, by branch and bound.
+"""Correlative scan matching: the pose in a window at which a scan fits the map best, by branch and
+bound on max-pooled likelihood fields (Olson 2009; Hess et al. 2016, Sect. V-B).
 
-Poses are (u, v, theta) in cells and radians; points are in the robot's frame, in cells. Callers
-see to it that every point of every pose in the window, and the width of the coarsest level beyond
-it, lie inside the arrays.
+A pose of the window is (du, dv, turn): cells and whole steps of the heading away from the pose at
+its middle, which is (u, v, theta) in cells and radians. Points are in the robot's frame, in cells.
+Callers see to it that every point of every pose in the window, and the width of the coarsest level
+beyond it, lie inside the arrays.
 """
 
 from __future__ import annotations
 
 from math import cos, floor, sin
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.compiling import kernel
 
-Prior = tuple[float, float, float, float]
 
+class FieldLevels(NamedTuple):
+    """The likelihood field and its upper bounds (max-pooled, see `likelihood_field`).
 
-def thin(points: NDArray[np.float64], cell: float) -> NDArray[np.int64]:
-    """Indices, ascending, of the first point in each square of side `cell`."""
-    kept = np.empty(len(points), np.int64)
-    # A hash table that stays at least three quarters empty.
-    firsts = np.full(4 << len(points).bit_length(), -1, np.int64)
-    return kept[: keep_firsts(points, cell, firsts, kept)]
-
-
-@kernel
-def keep_firsts(
-    points: NDArray[np.float64], cell: float, firsts: NDArray[np.int64], kept: NDArray[np.int64]
-) -> int:
-    """Fill `kept` with what `thin` returns, and return how many they are.
-
-    `firsts` is a hash table of so far -1: the first point in each square.
+    Attributes:
+        values: shape (levels, rows * columns), uint8: in level k, at cell (v, u), the highest value
+            of the field in the `widths[k]` x `widths[k]` cells from there up and right.
+        widths: shape (levels,), int64; the first is 1, so level 0 is the field itself.
+        columns: of the field, to get from (u, v) to an index of `values`: v * columns + u.
+        top: the level of the largest nodes.
     """
-    mask, count = len(firsts) - 1, 0
-    for i in range(len(points)):
-        u, v = floor(points[i, 0] / cell), floor(points[i, 1] / cell)
-        at = ((u * 4000037 + v) * 40503) & mask
-        while firsts[at] >= 0:
-            first = firsts[at]
-            if floor(points[first, 0] / cell) == u and floor(points[first, 1] / cell) == v:
-                break
-            at = (at + 1) & mask
-        if firsts[at] < 0:
-            firsts[at] = i
-            kept[count] = i
-            count += 1
-    return count
+
+    values: NDArray[np.uint8]
+    widths: NDArray[np.int64]
+    columns: int
+    top: int
 
 
-@kernel
-def penalty(shift: float, turn: float, prior: Prior) -> float:
-    """What a pose loses by leaving the odometry's: rising at first, level far away.
+class PoseGrid(NamedTuple):
+    """The poses of a window that are tried.
+
+    Attributes:
+        reach: half-width of the window in cells, along both axes.
+        turns: half-width in steps of the heading.
+        stride: cells between positions.
+        turn_step: radians between headings.
+    """
+
+    reach: int
+    turns: int
+    stride: int
+    turn_step: float
+
+
+class Prior(NamedTuple):
+    """What a pose loses by being away from the middle of the window: rising at first, level far
+    away (Geman and McClure's robust kernel), for shift and turn each.
+
+    Attributes:
+        most: the most that either costs.
+        half_at: squared standard deviations that cost half of it: the kernel's squared scale.
+        per_cell, per_turn: squared standard deviations for a squared cell, and a squared step.
+    """
+
+    most: float
+    half_at: float
+    per_cell: float
+    per_turn: float
+
+
+class BestPose(NamedTuple):
+    """The best pose of a window so far.
+
+    Attributes:
+        du, dv, turn: cells and steps away from the middle of the poses.
+        score: the sum of the field at the points, less the prior.
+        fit: that sum.
+    """
+
+    du: int
+    dv: int
+    turn: int
+    score: float
+    fit: int
+
+    def cells(self, middle: NDArray[np.float64], turn_step: float) -> NDArray[np.float64]:
+        """(u, v, theta) of the pose, in a window around `middle`."""
+        away = np.array([self.du, self.dv, self.turn * turn_step], dtype=np.float64)
+        pose: NDArray[np.float64] = middle + away
+        return pose
+
+
+NOTHING_YET = BestPose(0, 0, 0, -np.inf, 0)
+
+
+class Node(NamedTuple):
+    """Poses of one heading whose positions are a square of `widths[level]` cells from (du, dv) up
+    and right."""
+
+    du: int
+    dv: int
+    turn: int
+    level: int
+
+
+class Queue(NamedTuple):
+    """The largest nodes in the order in which they are opened.
+
+    Attributes:
+        bounds: shape (nodes,), upper bounds of the scores in each, by the nodes' numbers.
+        order: the numbers of those that may win, by falling bound.
+    """
+
+    bounds: NDArray[np.float64]
+    order: NDArray[np.int64]
+
+
+Plain = tuple[Any, ...]
+"""The fields of a record."""
+
+DU, DV, LEVEL = range(3)
+"""Columns of the stack of waiting nodes, which all have the same turn."""
+
+
+def search(
+    levels: FieldLevels,
+    points: NDArray[np.float64],
+    middle: NDArray[np.float64],
+    poses: PoseGrid,
+    prior: Prior,
+    known: BestPose | None = None,
+) -> BestPose:
+    """The best pose of a window, the same that trying all of them would find.
+
+    The score of a pose is the sum of the field at its points less the prior. The coarser field at a
+    node bounds the score of all poses in it, so nodes that cannot beat the best pose so far are
+    never opened.
 
     Args:
-        shift: squared distance in cells; turn: squared angle in steps.
-        prior: (most, knee, per squared cell, per squared step); the last two turn the distances
-            into squared standard deviations, `knee` of them cost half of `most`.
+        points: shape (n, 2).
+        middle: (u, v, theta), the window's middle, where the prior costs nothing.
+        known: what this returned for a smaller window within this one, which saves time.
     """
-    most, knee, per_cell, per_step = prior
-    a, b = shift * per_cell, turn * per_step
-    return most * (a / (knee + a) + b / (knee + b))
+    # Plain tuples get into compiled code in a third of the time of records.
+    records = tuple(levels), tuple(poses), tuple(prior)
+    width = int(levels.widths[levels.top])
+    scans = np.empty((2 * poses.turns + 1, len(points)), np.int64)
+    bounds = np.empty(len(scans) * ((2 * poses.reach + width) // width) ** 2)
+    bound_window(*records, points, middle, scans, bounds)
+    best = known or NOTHING_YET
+    # Sorted outside the compiled loops, where a sort alone would take two seconds to compile.
+    order = np.flatnonzero(bounds > best.score)
+    order = order[np.argsort(-bounds[order], kind="stable")]
+    stack = np.empty((len(levels.widths) * width**2, 3), np.int64)
+    return BestPose(*branch(*records, scans, (bounds, order), stack, tuple(best)))
+
+
+@kernel
+def bound_window(
+    levels: Plain,
+    poses: Plain,
+    prior: Plain,
+    points: NDArray[np.float64],
+    middle: NDArray[np.float64],
+    scans: NDArray[np.int64],
+    bounds: NDArray[np.float64],
+) -> None:
+    """`rotate_scan` and `bound_nodes` for a call from Python; the first three are fields of a
+    `FieldLevels`, a `PoseGrid` and a `Prior`."""
+    levels_, poses_, prior_ = FieldLevels(*levels), PoseGrid(*poses), Prior(*prior)
+    rotate_scan(points, middle, poses_.turn_step, levels_.columns, scans)
+    bound_nodes(levels_, scans, poses_, prior_, bounds)
+
+
+@kernel
+def branch(
+    levels: Plain,
+    poses: Plain,
+    prior: Plain,
+    scans: NDArray[np.int64],
+    queue: Plain,
+    stack: NDArray[np.int64],
+    best: Plain,
+) -> Plain:
+    """`open_nodes` for a call from Python, in and out with fields of the records."""
+    levels_, poses_, prior_ = FieldLevels(*levels), PoseGrid(*poses), Prior(*prior)
+    return open_nodes(levels_, scans, poses_, prior_, Queue(*queue), stack, BestPose(*best))[:5]
+
+
+def rotated_scans(
+    points: NDArray[np.float64],
+    middle: NDArray[np.float64],
+    turns: int,
+    turn_step: float,
+    columns: int,
+) -> NDArray[np.int64]:
+    """Where the points fall at `middle` after each turn, as flat indices: (2 turns + 1, n)."""
+    scans = np.empty((2 * turns + 1, len(points)), np.int64)
+    rotate_scan(points, middle, turn_step, columns, scans)
+    return scans
+
+
+@kernel
+def rotate_scan(
+    points: NDArray[np.float64],
+    middle: NDArray[np.float64],
+    turn_step: float,
+    columns: int,
+    scans: NDArray[np.int64],
+) -> None:
+    """Fill `scans` with what `rotated_scans` returns."""
+    turns = len(scans) // 2
+    for k in range(len(scans)):
+        theta = middle[2] + (k - turns) * turn_step
+        c, s = cos(theta), sin(theta)
+        for p in range(len(points)):
+            u = middle[0] + c * points[p, 0] - s * points[p, 1]
+            v = middle[1] + s * points[p, 0] + c * points[p, 1]
+            scans[k, p] = floor(v) * columns + floor(u)
+
+
+@kernel
+def penalty(squared_cells: float, squared_turns: float, prior: Prior) -> float:
+    """What a pose loses by being so far from the middle of the window; see `Prior`."""
+    a, b = squared_cells * prior.per_cell, squared_turns * prior.per_turn
+    return prior.most * (a / (prior.half_at + a) + b / (prior.half_at + b))
+
+
+@kernel
+def sum_of_field(field: NDArray[np.uint8], scan: NDArray[np.int64], offset: int) -> int:
+    """Sum of the field at the points. (A loop so plain that it compiles to four loads at a time;
+    looking now and then whether the rest can still win made it three times slower.)"""
+    score = 0
+    for p in range(len(scan)):
+        score += field[scan[p] + offset]
+    return score
 
 
 @kernel
@@ -72,197 +244,87 @@ def nearest_in(low: int, width: int) -> int:
 
 
 @kernel
-def total(field: NDArray[np.uint8], places: NDArray[np.int64], offset: int) -> int:
-    """Sum of the field at the points. (A loop so plain that it compiles to four loads at a time;
-    looking now and then whether the rest can still win made it three times slower.)"""
-    score = 0
-    for p in range(len(places)):
-        score += field[places[p] + offset]
-    return score
-
-
-def top_level(reach: int) -> int:
-    """The level of the largest nodes that is worth it in a window of so many cells either way."""
-    return 2 if reach < 8 else 3
-
-
-def search(
-    fields: NDArray[np.uint8],
-    widths: NDArray[np.int64],
-    points: NDArray[np.float64],
-    start: NDArray[np.float64],
-    half: tuple[int, int],
-    steps: tuple[int, float],
-    prior: Prior,
-    top: int,
-    known: NDArray[np.float64] | None = None,
-) -> NDArray[np.float64]:
-    """The best pose of a window around `start`, the same that trying all of them would find.
-
-    The score of a pose is the sum of `fields[0]` at its points less `penalty`. A node is a turn
-    and a square of `widths[level]` cells; the coarser field there bounds the score of all poses
-    in it, so nodes that cannot beat the best pose so far are never opened.
-
-    Args:
-        fields, widths: see `likelihood.update_field`.
-        points: shape (n, 2).
-        start: (u, v, theta), the pose from odometry.
-        half: (cells, turns): the window's half-widths in cells and in turns.
-        steps: (cells between poses, a whole number; radians between turns).
-        prior: see `penalty`.
-        top: the level of the largest nodes.
-        known: what this returned for a smaller window within this one, which saves time.
-
-    Returns:
-        (du, dv, turns, score, sum of the field): du, dv in cells, turns in steps, from `start`.
-    """
-    stride, turn_step = steps
-    columns = fields.shape[2]
-    layers = fields.reshape(fields.shape[0], -1)
-    size = (*half, int(widths[top]))
-    places = turned(points, start, half[1], turn_step, columns)
-    bounds = np.empty(len(places) * side_of(size) ** 2)
-    bound_nodes(layers, top, places, columns, size, prior, bounds)
-    best = np.array([0.0, 0.0, 0.0, -np.inf, 0.0]) if known is None else known.copy()
-    # Sorted outside the compiled loops, where a sort alone would take two seconds to compile.
-    order = np.flatnonzero(bounds > best[3])
-    order = order[np.argsort(-bounds[order], kind="stable")]
-    stack = np.empty((len(widths) * int(widths[top]) ** 2, 3), np.int64)
-    open_nodes(
-        layers, widths, places, columns, (*size, top, stride), prior, bounds, order, stack, best
-    )
-    return best
-
-
-def turned(
-    points: NDArray[np.float64],
-    start: NDArray[np.float64],
-    turns: int,
-    turn_step: float,
-    columns: int,
-) -> NDArray[np.int64]:
-    """Where the points fall at `start` after each turn, as flat indices: (2 turns + 1, n)."""
-    places = np.empty((2 * turns + 1, len(points)), np.int64)
-    turn(points, start, turn_step, columns, places)
-    return places
+def nodes_per_side(reach: int, width: int) -> int:
+    """How many nodes of a width lie side by side in a poses."""
+    return (2 * reach + width) // width
 
 
 @kernel
-def turn(
-    points: NDArray[np.float64],
-    start: NDArray[np.float64],
-    turn_step: float,
-    columns: int,
-    places: NDArray[np.int64],
-) -> None:
-    """Fill `places` with what `turned` returns."""
-    turns = len(places) // 2
-    for k in range(len(places)):
-        theta = start[2] + (k - turns) * turn_step
-        c, s = cos(theta), sin(theta)
-        for p in range(len(points)):
-            u = start[0] + c * points[p, 0] - s * points[p, 1]
-            v = start[1] + s * points[p, 0] + c * points[p, 1]
-            places[k, p] = floor(v) * columns + floor(u)
-
-
-@kernel
-def side_of(size: tuple[int, int, int]) -> int:
-    """How many of the largest nodes lie side by side; size is (reach, turns, width)."""
-    return (2 * size[0] + size[2]) // size[2]
-
-
-@kernel
-def node_at(node: int, size: tuple[int, int, int]) -> tuple[int, int, int]:
-    """(du, dv, turn index) of the lowest corner of a largest node; size is (reach, turns, width).
-
-    Nodes are numbered by turn, then dv, then du.
-    """
-    reach, _, width = size
-    side = side_of(size)
-    square = node % (side * side)
-    return square % side * width - reach, square // side * width - reach, node // (side * side)
+def node_at(number: int, levels: FieldLevels, poses: PoseGrid) -> Node:
+    """One of the largest nodes, which are numbered by turn, then dv, then du."""
+    width = levels.widths[levels.top]
+    side = nodes_per_side(poses.reach, width)
+    square, turn = number % (side * side), number // (side * side) - poses.turns
+    du, dv = square % side * width - poses.reach, square // side * width - poses.reach
+    return Node(du, dv, turn, levels.top)
 
 
 @kernel
 def bound_nodes(
-    layers: NDArray[np.uint8],
-    top: int,
-    places: NDArray[np.int64],
-    columns: int,
-    size: tuple[int, int, int],
+    levels: FieldLevels,
+    scans: NDArray[np.int64],
+    poses: PoseGrid,
     prior: Prior,
     bounds: NDArray[np.float64],
 ) -> None:
-    """Fill `bounds` with bounds on the scores in each of the largest nodes; see `search`."""
-    _, turns, width = size
-    for node in range(len(bounds)):
-        du, dv, k = node_at(node, size)
+    """Fill `bounds` with upper bounds of the scores in each of the largest nodes."""
+    width, field = levels.widths[levels.top], levels.values[levels.top]
+    for number in range(len(bounds)):
+        du, dv, turn, _ = node_at(number, levels, poses)
         shift = nearest_in(du, width) ** 2 + nearest_in(dv, width) ** 2
-        fit = total(layers[top], places[k], dv * columns + du)
-        bounds[node] = fit - penalty(shift, (k - turns) ** 2, prior)
+        fit = sum_of_field(field, scans[turn + poses.turns], dv * levels.columns + du)
+        bounds[number] = fit - penalty(shift, turn**2, prior)
 
 
 @kernel
 def open_nodes(
-    layers: NDArray[np.uint8],
-    widths: NDArray[np.int64],
-    places: NDArray[np.int64],
-    columns: int,
-    size: tuple[int, int, int, int, int],
+    levels: FieldLevels,
+    scans: NDArray[np.int64],
+    poses: PoseGrid,
     prior: Prior,
-    bounds: NDArray[np.float64],
-    order: NDArray[np.int64],
+    queue: Queue,
     stack: NDArray[np.int64],
-    best: NDArray[np.float64],
-) -> None:
-    """Open the largest nodes, best bound first, until none left can win; see `search`.
-
-    `size` is (reach, turns, width of the largest nodes, their level, cells between poses);
-    `stack` is room for the nodes that wait; `best` is changed in place.
-    """
-    reach, turns, width, top, stride = size
-    for node in order:
-        if bounds[node] <= best[3]:
+    best: BestPose,
+) -> BestPose:
+    """Open the largest nodes, best bound first, until none left can win; `stack` is room for the
+    smaller nodes that wait."""
+    for number in queue.order:
+        if queue.bounds[number] <= best.score:
             break
-        du, dv, k = node_at(node, (reach, turns, width))
-        open_node(
-            layers, widths, places[k], columns, (du, dv, k - turns, top), reach, stride, prior,
-            stack, best,
-        )  # fmt: skip
+        node = node_at(number, levels, poses)
+        best = open_node(levels, scans[node.turn + poses.turns], poses, prior, node, stack, best)
+    return best
 
 
 @kernel
 def open_node(
-    layers: NDArray[np.uint8],
-    widths: NDArray[np.int64],
-    places: NDArray[np.int64],
-    columns: int,
-    node: tuple[int, int, int, int],
-    reach: int,
-    stride: int,
+    levels: FieldLevels,
+    scan: NDArray[np.int64],
+    poses: PoseGrid,
     prior: Prior,
+    node: Node,
     stack: NDArray[np.int64],
-    best: NDArray[np.float64],
-) -> None:
-    """Look into one node (du, dv, turn, level), level by level; `best` is changed in place."""
-    stack[0, 0], stack[0, 1], stack[0, 2] = node[0], node[1], node[3]
-    depth, turn = 1, node[2]
+    best: BestPose,
+) -> BestPose:
+    """Branch into one of the largest nodes, level by level, and bound each of its children."""
+    stack[0, DU], stack[0, DV], stack[0, LEVEL] = node.du, node.dv, node.level
+    depth, turn = 1, node.turn
     while depth:
         depth -= 1
-        low_u, low_v, level = stack[depth, 0], stack[depth, 1], stack[depth, 2]
-        width, child = widths[level], widths[level - 1]
-        for dv in range(low_v, min(low_v + width, reach + 1), child):
-            for du in range(low_u, min(low_u + width, reach + 1), child):
-                if child == 1 and (du % stride or dv % stride):
+        low_u, low_v, level = stack[depth, DU], stack[depth, DV], stack[depth, LEVEL]
+        width, child = levels.widths[level], levels.widths[level - 1]
+        for dv in range(low_v, min(low_v + width, poses.reach + 1), child):
+            for du in range(low_u, min(low_u + width, poses.reach + 1), child):
+                if child == 1 and (du % poses.stride or dv % poses.stride):
                     continue
                 shift = nearest_in(du, child) ** 2 + nearest_in(dv, child) ** 2
-                fit = total(layers[level - 1], places, dv * columns + du)
+                fit = sum_of_field(levels.values[level - 1], scan, dv * levels.columns + du)
                 score = fit - penalty(shift, turn * turn, prior)
-                if score <= best[3]:
+                if score <= best.score:
                     continue
                 if child == 1:
-                    best[0], best[1], best[2], best[3], best[4] = du, dv, turn, score, fit
+                    best = BestPose(du, dv, turn, score, fit)
                 else:
-                    stack[depth, 0], stack[depth, 1], stack[depth, 2] = du, dv, level - 1
+                    stack[depth, DU], stack[depth, DV], stack[depth, LEVEL] = du, dv, level - 1
                     depth += 1
+    return best
