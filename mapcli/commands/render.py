@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -10,16 +10,12 @@ from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import CELL, FILE, common_options, no_clobber_option
 from mapcli.commands._output import write_bytes
 from mapcli.errors import DataError
-from mapcli.model.grid import GridMap
 
-BOOK_SIDE = 64
-"""Maps up to this many rows and columns get the book's look."""
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
-LABELLED_SIDE = 250
-"""Numbers in the cells of larger maps could not be read."""
-
-LARGEST_PICTURE = 10_000
-"""Pixels of a side, with --scale."""
+    from mapcli.model.grid import GridMap
 
 
 @click.command(short_help="Draw a map as a picture.")
@@ -53,72 +49,31 @@ def command(
       mapcli render map.yaml --png map.png --trace trace.json
       mapcli render fig9_4.txt --png fig9_4.png --labels --frontier --robot 5,9
     """
+    from mapcli.formats.documents.trace import load_trace_poses
     from mapcli.formats.maps.load import load_map
+    from mapcli.pictures.map_picture import render
 
     if source == trace == "-":
         raise click.UsageError("MAP and --trace cannot both be standard input.")
     loaded = load_map(source, dialect=dialect)
     for warning in () if quiet else loaded.warnings:
         click.echo(f"Warning: {source}: {warning}", err=True)
-    grid = loaded.grid
-    _check(source, grid, robots, scale, labels=labels)
-    overlays = {"frontier": _frontier(grid) if frontier else None, "scale": scale}
-    if labels or max(grid.rows, grid.columns) <= BOOK_SIDE:
-        data = _book(grid, trace, robots, labels=labels, **overlays)
-    else:
-        data = _plan(grid, trace, robots, title=title, **overlays)
+    trajectory = load_trace_poses(trace) if trace else None
+    cells = _frontier(loaded.grid) if frontier else None
+    try:
+        data = render(
+            loaded.grid, trajectory=trajectory, robots=robots, frontier=cells, labels=labels,
+            scale=scale, title=title,
+        )  # fmt: skip
+    except DataError as error:
+        error.file = error.file or source
+        raise
     write_bytes(png, data, no_clobber=no_clobber)
     if verbose:
         click.echo(f"{png}: {len(data):,} bytes", err=True)
 
 
-def _check(
-    source: str, grid: GridMap, robots: tuple[tuple[int, int], ...], scale: int | None, *,
-    labels: bool,
-) -> None:  # fmt: skip
-    """Refuse what cannot be drawn.
-
-    Raises:
-        DataError: naming the map.
-    """
-    longer = max(grid.rows, grid.columns)
-    shape = f"{grid.rows} rows, {grid.columns} columns"
-    for row, column in robots:
-        if not grid.contains(row, column):
-            raise DataError(f"robot at {row},{column}", file=source, expected=f"a cell of {shape}")
-    if labels and longer > LABELLED_SIDE:
-        expected = f"at most {LABELLED_SIDE} a side with --labels"
-        raise DataError(shape, file=source, expected=expected)
-    if scale is not None and longer * scale > LARGEST_PICTURE:
-        expected = f"at most {LARGEST_PICTURE:,} pixels a side"
-        raise DataError(f"{shape} at --scale {scale}", file=source, expected=expected)
-
-
-def _frontier(grid: GridMap) -> Any:
+def _frontier(grid: GridMap) -> NDArray[np.bool_]:
     from mapcli.algorithms.exploration.frontier_cells import frontier_cells
 
     return frontier_cells(grid)
-
-
-def _book(
-    grid: GridMap, trace: str | None, robots: tuple[tuple[int, int], ...], **options: Any
-) -> bytes:
-    from mapcli.formats.documents.trace import load_trace_poses
-    from mapcli.pictures.map_picture import book_picture, cells_passed
-
-    path = cells_passed(grid, load_trace_poses(trace).poses[:, :2]) if trace else ()
-    return book_picture(grid, robots=robots, path=path, **options)
-
-
-def _plan(
-    grid: GridMap, trace: str | None, robots: tuple[tuple[int, int], ...], **options: Any
-) -> bytes:
-    from mapcli.formats.documents.trace import load_trace_poses
-    from mapcli.pictures.map_picture import floor_plan
-
-    if trace:
-        poses = load_trace_poses(trace)
-        path, headings = poses.poses[:, :2], poses.poses[:, 2]
-        options |= {"path": path, "headings": headings, "stamps": poses.seconds()}
-    markers = [(*grid.world_of_cells([row], [column])[0], "robot") for row, column in robots]
-    return floor_plan(grid, markers=markers, **options)

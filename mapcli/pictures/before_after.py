@@ -17,7 +17,7 @@ from mapcli.pictures.drawing import (
     WHITE,
     draw_disc,
     draw_line,
-    label,
+    draw_text,
     png_bytes,
     round_length,
 )
@@ -54,7 +54,7 @@ def rectified_trace_picture(before: Floats, result: RectifiedTrace) -> bytes:
     metres = round_length(PANEL / zoom / 4)
     bar = (MARGIN, HEAD + height + 30, MARGIN + metres * zoom, HEAD + height + 33)
     ImageDraw.Draw(sheet).rectangle(bar, fill=INK)
-    label(sheet, bar[2] + 14, bar[1], f"{metres:g} m", 22, anchor="lm", halo=None)
+    draw_text(sheet, (bar[2] + 14, bar[1]), f"{metres:g} m", 22, anchor="lm", halo=None)
     return png_bytes(sheet)
 
 
@@ -85,7 +85,7 @@ def _sheet(panels: Sequence[Image.Image], titles: Sequence[tuple[str, str]]) -> 
     x = MARGIN
     for panel, (title, caption) in zip(panels, titles, strict=True):
         sheet.paste(panel, (x, HEAD))
-        label(sheet, x, HEAD - 44, title, 26, anchor="ls", halo=None)
-        label(sheet, x, HEAD - 14, caption, 20, anchor="ls", fill=FAINT_INK, halo=None)
+        draw_text(sheet, (x, HEAD - 44), title, 26, anchor="ls", halo=None)
+        draw_text(sheet, (x, HEAD - 14), caption, 20, anchor="ls", fill=FAINT_INK, halo=None)
         x += panel.width + MARGIN
     return sheet

@@ -15,8 +15,8 @@ from mapcli.pictures.drawing import (
     WHITE,
     draw_disc,
     draw_line,
+    draw_text,
     draw_x_scale,
-    label,
     png_bytes,
 )
 from mapcli.pictures.exploration import colours_of, robot_colour
@@ -56,11 +56,11 @@ def _draw_axes(image: Image.Image, longest: float) -> None:
     for percent in range(0, 101, 20):
         y = BOTTOM - percent / 100 * (BOTTOM - TOP)
         draw.line((LEFT, y, RIGHT, y), fill=FAINT_LINE)
-        label(image, LEFT - 12, y, f"{percent} %", 20, anchor="rm", fill=FAINT_INK, halo=None)
+        draw_text(image, (LEFT - 12, y), f"{percent} %", 20, anchor="rm", fill=FAINT_INK, halo=None)
     draw_x_scale(image, (LEFT, TOP, RIGHT, BOTTOM), longest, 12)
     middle = (LEFT + RIGHT) / 2
-    label(image, middle, BOTTOM + 46, "distance driven, m", 20, anchor="mt", halo=None)
-    label(image, LEFT, TOP - 10, "coverage", 20, anchor="lb", halo=None)
+    draw_text(image, (middle, BOTTOM + 46), "distance driven, m", 20, anchor="mt", halo=None)
+    draw_text(image, (LEFT, TOP - 10), "coverage", 20, anchor="lb", halo=None)
 
 
 def _draw_legend(image: Image.Image, curves: Mapping[str, CoverageCurve]) -> None:
@@ -68,4 +68,4 @@ def _draw_legend(image: Image.Image, curves: Mapping[str, CoverageCurve]) -> Non
         y = BOTTOM - 30 - 34 * (len(curves) - 1 - k)
         text = f"{strategy}: {curve.coverage[-1]:.1%} after {curve.distance_m[-1]:,.6g} m"
         draw_disc(image, RIGHT - 440, y, 8, robot_colour(k), robot_colour(k), 0)
-        label(image, RIGHT - 420, y, text, 22, anchor="lm")
+        draw_text(image, (RIGHT - 420, y), text, 22, anchor="lm")

@@ -19,7 +19,7 @@ from mapcli.pictures.drawing import (
     UNKNOWN,
     WHITE,
     Colour,
-    label,
+    draw_text,
     png_bytes,
 )
 
@@ -67,13 +67,15 @@ def difference_picture(pairs: NDArray[np.uint8], names: tuple[str, str]) -> byte
     right, bottom = _MARGIN + plan.shape[1], _MARGIN + plan.shape[0]
     pencil.rectangle((_MARGIN - 1, _MARGIN - 1, right, bottom), outline=FAINT_INK)
     y = bottom + _MARGIN + line // 2
-    label(sheet, _MARGIN, y, f"A: {names[0]}   B: {names[1]}", _LETTERS, anchor="lm", halo=None)
+    draw_text(
+        sheet, (_MARGIN, y), f"A: {names[0]}   B: {names[1]}", _LETTERS, anchor="lm", halo=None
+    )
     for k, (_, _, colour, words) in enumerate(used, start=1):
         top = y + k * line - _LETTERS // 2
         box = (_MARGIN, top, _MARGIN + 2 * _LETTERS, top + _LETTERS)
         pencil.rectangle(box, fill=colour, outline=FAINT_INK)
         x = _MARGIN + 3 * _LETTERS
-        label(sheet, x, y + k * line, words, _LETTERS, anchor="lm", halo=None)
+        draw_text(sheet, (x, y + k * line), words, _LETTERS, anchor="lm", halo=None)
     return png_bytes(sheet)
 
 

@@ -1,4 +1,4 @@
-"""What every picture shares: colours, letters, smooth lines and shapes, PNG bytes.
+"""What every picture shares: colours, letters, anti-aliased lines and shapes, PNG bytes.
 
 Pillow draws without anti-aliasing, so lines are stamped as overlapping soft discs and small
 shapes are drawn four times too large and shrunk. Pixel coordinates are (x, y), x to the right,
@@ -29,9 +29,14 @@ BLUE: Colour = (38, 90, 196)
 _EARLY_TO_LATE = ((24, 15, 136), (98, 0, 168), (166, 33, 152), (216, 87, 107), (246, 140, 60))
 """Dark blue to orange: brightness grows with time, and every step shows on white and on grey."""
 
-_SHARPER = 4
+_OVERSIZE = 4
+"""Small shapes are drawn so many times too large, then shrunk."""
+
 _BATCH = 50_000
+"""Discs of a line that are stamped at once, for the memory that they take."""
+
 _MOST_SAMPLES = 300_000
+"""Discs of a line at most; a longer one gets them farther apart."""
 
 
 @lru_cache(maxsize=32)
@@ -72,7 +77,7 @@ def draw_line(
     colours: NDArray[np.float64],
     radius: float,
 ) -> None:
-    """Draw a smooth line of round pen into `pixels`, in place.
+    """Draw an anti-aliased line with a round pen into `pixels`, in place.
 
     Args:
         pixels: shape (height, width, 3).
@@ -178,10 +183,13 @@ def draw_antialiased(
         return
     patch = image.crop((left, top, right, bottom))
     large = patch.resize(
-        (patch.width * _SHARPER, patch.height * _SHARPER), Image.Resampling.NEAREST
+        (patch.width * _OVERSIZE, patch.height * _OVERSIZE), Image.Resampling.NEAREST
     )
-    draw(ImageDraw.Draw(large), lambda x, y: ((x - left) * _SHARPER, (y - top) * _SHARPER))
-    image.paste(large.reduce(_SHARPER), (left, top))
+    draw(
+        ImageDraw.Draw(large),
+        lambda x, y: ((x - left) * _OVERSIZE, (y - top) * _OVERSIZE),
+    )
+    image.paste(large.reduce(_OVERSIZE), (left, top))
 
 
 def draw_polygon(
@@ -198,7 +206,10 @@ def draw_polygon(
         canvas.polygon(placed, fill=fill)
         if width:
             canvas.line(
-                [*placed, *placed[:2]], fill=edge, width=round(width * _SHARPER), joint="curve"
+                [*placed, *placed[:2]],
+                fill=edge,
+                width=round(width * _OVERSIZE),
+                joint="curve",
             )
 
     pad = width + 1
@@ -214,7 +225,7 @@ def draw_disc(
         canvas: ImageDraw.ImageDraw, place: Callable[[float, float], tuple[float, float]]
     ) -> None:
         box = (*place(x - radius, y - radius), *place(x + radius, y + radius))
-        canvas.ellipse(box, fill=fill, outline=edge, width=round(width * _SHARPER))
+        canvas.ellipse(box, fill=fill, outline=edge, width=round(width * _OVERSIZE))
 
     pad = radius + 1
     draw_antialiased(image, (x - pad, y - pad, x + pad, y + pad), shape)
@@ -228,14 +239,14 @@ def arrow_head(x: float, y: float, direction: float, size: float) -> list[tuple[
     return [(float(px), float(py)) for px, py in turned]
 
 
-def label(
-    image: Image.Image, x: float, y: float, text: str, size: int, *, anchor: str = "mm",
+def draw_text(
+    image: Image.Image, place: tuple[float, float], text: str, size: int, *, anchor: str = "mm",
     fill: Colour = INK, halo: Colour | None = WHITE,
 ) -> None:  # fmt: skip
-    """Letters with a halo that keeps them legible on walls; `anchor` as in Pillow."""
+    """Letters at a pixel (x, y), with a halo that keeps them legible; `anchor` is Pillow's."""
     stroke = max(round(size / 8), 1) if halo else 0
     ImageDraw.Draw(image).text(
-        (x, y), text, font=font(size), fill=fill, anchor=anchor,
+        place, text, font=font(size), fill=fill, anchor=anchor,
         stroke_width=stroke, stroke_fill=halo,
     )  # fmt: skip
 
@@ -251,4 +262,4 @@ def draw_x_scale(
         x = left + k * step / longest * (right - left)
         draw.line((x, top, x, bottom), fill=FAINT_LINE)
         text = f"{k * step:,.10g}"
-        label(image, x, bottom + gap, text, 20, anchor="mt", fill=FAINT_INK, halo=None)
+        draw_text(image, (x, bottom + gap), text, 20, anchor="mt", fill=FAINT_INK, halo=None)

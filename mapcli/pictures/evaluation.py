@@ -17,8 +17,8 @@ from mapcli.pictures.drawing import (
     WHITE,
     draw_disc,
     draw_line,
+    draw_text,
     draw_x_scale,
-    label,
     png_bytes,
     round_length,
     time_colours,
@@ -56,7 +56,7 @@ def evaluation_picture(evaluation: Evaluation) -> bytes:
     top += STRIP + GAP
     image = _draw_strip(image, top, "rotation, deg", errors.seconds, last, errors.degrees, is_line)
     middle, foot = (LEFT + RIGHT) / 2, top + STRIP + 44
-    label(image, middle, foot, along, 20, anchor="mt", halo=None)
+    draw_text(image, (middle, foot), along, 20, anchor="mt", halo=None)
     return png_bytes(image)
 
 
@@ -131,7 +131,7 @@ def _draw_scale(image: Image.Image, frame: _Frame) -> None:
     metres = round_length(0.2 * (RIGHT - LEFT) / frame.scale)
     y, x = frame.bottom - 4, RIGHT - metres * frame.scale
     ImageDraw.Draw(image).line((x, y, RIGHT, y), fill=INK, width=3)
-    label(image, (x + RIGHT) / 2, y - 8, f"{metres:,.10g} m", 20, anchor="mb", halo=None)
+    draw_text(image, ((x + RIGHT) / 2, y - 8), f"{metres:,.10g} m", 20, anchor="mb", halo=None)
 
 
 def _draw_key(image: Image.Image, evaluation: Evaluation, errors: Errors) -> None:
@@ -139,7 +139,7 @@ def _draw_key(image: Image.Image, evaluation: Evaluation, errors: Errors) -> Non
     y, x, length = MARGIN / 2 + 4, float(LEFT), 160
     if evaluation.reference is not None:
         ImageDraw.Draw(image).line((x, y, x + 50, y), fill=REFERENCE, width=10)
-        label(image, x + 62, y, "reference", 20, anchor="lm", halo=None)
+        draw_text(image, (x + 62, y), "reference", 20, anchor="lm", halo=None)
         x += 190
     colours = _error_colours(np.linspace(0, 1, length))
     canvas = ImageDraw.Draw(image)
@@ -148,7 +148,7 @@ def _draw_key(image: Image.Image, evaluation: Evaluation, errors: Errors) -> Non
         canvas.line((x + k, y - 5, x + k, y + 5), fill=(red, green, blue))
     what = "trace" if evaluation.reference is not None else "relation, where it ends"
     text = f"{what}, off by 0 to {errors.metres.max():.3g} m"
-    label(image, x + length + 12, y, text, 20, anchor="lm", halo=None)
+    draw_text(image, (x + length + 12, y), text, 20, anchor="lm", halo=None)
 
 
 def _draw_strip(
@@ -175,7 +175,7 @@ def _draw_strip(
             draw_line(pixels, point[None, :], colour[None, :], 3.0)
     image = Image.fromarray(pixels)
     text = f"{title}: rmse {found['rmse']:.3g}, mean {found['mean']:.3g}, most {found['max']:.3g}"
-    label(image, LEFT, top - 10, text, 20, anchor="lb", halo=None)
+    draw_text(image, (LEFT, top - 10), text, 20, anchor="lb", halo=None)
     return image
 
 
@@ -185,5 +185,7 @@ def _draw_axes(image: Image.Image, top: int, last: float, most: float) -> None:
     for k in range(int(most / step + 1e-9) + 1):
         y = bottom - k * step / most * STRIP
         canvas.line((LEFT, y, RIGHT, y), fill=FAINT_LINE)
-        label(image, LEFT - 12, y, f"{k * step:.6g}", 20, anchor="rm", fill=FAINT_INK, halo=None)
+        draw_text(
+            image, (LEFT - 12, y), f"{k * step:.6g}", 20, anchor="rm", fill=FAINT_INK, halo=None
+        )
     draw_x_scale(image, (LEFT, top, RIGHT, bottom), last, 10)

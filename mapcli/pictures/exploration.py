@@ -20,14 +20,15 @@ from mapcli.pictures.drawing import (
     Colour,
     draw_disc,
     draw_line,
+    draw_text,
     font,
-    label,
     round_length,
 )
 from mapcli.pictures.map_picture import (
-    MapWindow,
+    RobotPath,
     book_image,
     map_pixels,
+    mark_cells,
     plan_image,
     png_bytes,
     window_of,
@@ -43,21 +44,21 @@ FRONTIER: Colour = (226, 61, 61)
 
 
 def exploration_picture(exploration: Exploration, *, small: bool, low: float) -> bytes:
-    """A PNG of what is known at the end, the ways that led there, and the frontier that is left.
+    """A PNG of what is known at the end, the paths that led there, and the frontier that is left.
 
     Args:
         small: in the book's look, with probabilities and `?`; else a floor plan.
         low: cells from this probability on are obstacles.
     """
-    ways = [path_of(exploration, robot) for robot in range(len(exploration.robots))]
+    paths = [path_of(exploration, robot) for robot in range(len(exploration.robots))]
     if small:
-        return png_bytes(book_look(exploration, ways, low))
-    if len(ways) > 1:
-        return png_bytes(robots_plan(exploration, ways))
+        return png_bytes(book_look(exploration, paths, low))
+    if len(paths) > 1:
+        return png_bytes(robots_plan(exploration, paths))
     return png_bytes(
         plan_image(
             exploration.after,
-            path=world_points(exploration.after, ways[0]),
+            path=RobotPath(world_points(exploration.after, paths[0])),
             frontier=frontier_mask(exploration),
             caption=caption_of(exploration),
         )
@@ -65,18 +66,18 @@ def exploration_picture(exploration: Exploration, *, small: bool, low: float) ->
 
 
 def path_of(exploration: Exploration, robot: int) -> NDArray[np.int32]:
-    """All cells of a robot's way, its start first, shape (n, 2)."""
+    """All cells of a robot's path, its start first, shape (n, 2)."""
     steps = exploration.steps
     of_moves = np.repeat(steps.robot, np.diff(steps.path_end, prepend=0))
     return np.vstack([[exploration.robots[robot]], steps.path[of_moves == robot]])
 
 
-def world_points(grid: GridMap, way: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Corners of a way as world points; cells on a straight line are left out."""
-    steps = np.diff(way, axis=0)
-    turns = np.ones(len(way), dtype=bool)
+def world_points(grid: GridMap, path: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Corners of a path as world points; cells on a straight line are left out."""
+    steps = np.diff(path, axis=0)
+    turns = np.ones(len(path), dtype=bool)
     turns[1:-1] = (steps[1:] != steps[:-1]).any(axis=1)
-    return grid.world_of_cells(way[turns, 0], way[turns, 1])
+    return grid.world_of_cells(path[turns, 0], path[turns, 1])
 
 
 def frontier_mask(exploration: Exploration) -> NDArray[np.bool_]:
@@ -97,35 +98,37 @@ def caption_of(exploration: Exploration) -> str:
 
 
 def book_look(
-    exploration: Exploration, ways: Sequence[NDArray[np.int32]], low: float
+    exploration: Exploration, paths: Sequence[NDArray[np.int32]], low: float
 ) -> Image.Image:
-    """The map with its numbers; one robot's way in the book's blue, several in their colours."""
-    alone = len(ways) == 1
+    """The map with its numbers; one robot's path in the book's blue, several in their colours."""
+    alone = len(paths) == 1
     image = book_image(
         exploration.after,
         frontier=frontier_mask(exploration),
-        robots=[(int(way[-1, 0]), int(way[-1, 1])) for way in ways],
-        path=ways[0].tolist() if alone else (),
+        robots=[(int(path[-1, 0]), int(path[-1, 1])) for path in paths],
+        path=paths[0].tolist() if alone else (),
         low=low,
     )
-    return image if alone else draw_paths(image, exploration.after, ways)
+    return image if alone else draw_paths(image, exploration.after, paths)
 
 
-def draw_paths(image: Image.Image, grid: GridMap, ways: Sequence[NDArray[np.int32]]) -> Image.Image:
-    """Several robots' ways over a picture in the book's look, side by side where they meet."""
+def draw_paths(
+    image: Image.Image, grid: GridMap, paths: Sequence[NDArray[np.int32]]
+) -> Image.Image:
+    """Several robots' paths over a picture in the book's look, side by side where they meet."""
     size = cell_size(grid, labels=True)
     margin = (image.width - grid.columns * size) / 2
     pixels = np.array(image)
-    for robot, way in enumerate(ways):
-        aside = 0.08 * (robot - (len(ways) - 1) / 2)
-        points = (way[:, ::-1].astype(np.float64) + 0.5 + aside) * size + margin
+    for robot, path in enumerate(paths):
+        aside = 0.08 * (robot - (len(paths) - 1) / 2)
+        points = (path[:, ::-1].astype(np.float64) + 0.5 + aside) * size + margin
         draw_line(pixels, points, colours_of(robot, len(points)), size / 30)
     image = Image.fromarray(pixels)
-    for robot, way in enumerate(ways):
-        row, column = way[0]
+    for robot, path in enumerate(paths):
+        row, column = path[0]
         x, y = (column + 0.5) * size + margin, (row + 0.5) * size + margin
         draw_disc(image, x, y, size * 0.22, robot_colour(robot), WHITE, size / 30)
-        label(image, x, y, str(robot + 1), round(size * 0.28), fill=WHITE, halo=None)
+        draw_text(image, (x, y), str(robot + 1), round(size * 0.28), fill=WHITE, halo=None)
     return image
 
 
@@ -138,14 +141,14 @@ def colours_of(robot: int, count: int) -> NDArray[np.float64]:
     return np.tile(np.array(robot_colour(robot), dtype=np.float64), (count, 1))
 
 
-def robots_plan(exploration: Exploration, ways: Sequence[NDArray[np.int32]]) -> Image.Image:
-    """A floor plan with the robots' ways in their colours, and a legend."""
+def robots_plan(exploration: Exploration, paths: Sequence[NDArray[np.int32]]) -> Image.Image:
+    """A floor plan with the robots' paths in their colours, and a legend."""
     grid = exploration.after
-    view = window_of(grid)
-    pixels = map_pixels(view)
-    mark_cells(pixels, view, np.argwhere(frontier_mask(exploration)), FRONTIER)
-    unit = min(max(max(view.width, view.height) / 1600, 0.7), 2.5)
-    lines = [view.pixels_of_world(world_points(grid, way)) for way in ways]
+    window = window_of(grid)
+    pixels = map_pixels(window)
+    mark_cells(pixels, window, np.argwhere(frontier_mask(exploration)), FRONTIER)
+    unit = min(max(max(window.width, window.height) / 1600, 0.7), 2.5)
+    lines = [window.pixels_of_world(world_points(grid, path)) for path in paths]
     for robot, points in enumerate(lines):
         draw_line(pixels, points, np.full((len(points), 3), 255.0), 3.0 * unit)
         draw_line(pixels, points, colours_of(robot, len(points)), 1.8 * unit)
@@ -153,8 +156,8 @@ def robots_plan(exploration: Exploration, ways: Sequence[NDArray[np.int32]]) -> 
     for robot, points in enumerate(lines):
         x, y = (float(v) for v in points[0])
         draw_disc(plan, x, y, 14 * unit, robot_colour(robot), WHITE, 2 * unit)
-        label(plan, x, y, str(robot + 1), round(18 * unit), fill=WHITE, halo=None)
-    return with_legend(plan, exploration, view.zoom / grid.resolution, unit)
+        draw_text(plan, (x, y), str(robot + 1), round(18 * unit), fill=WHITE, halo=None)
+    return with_legend(plan, exploration, window.zoom / grid.resolution, unit)
 
 
 def with_legend(
@@ -173,27 +176,14 @@ def with_legend(
     metres = round_length(max(plan.width, 300 * unit) / pixels_per_metre / 5)
     end = margin + metres * pixels_per_metre
     draw.rectangle((margin, y, end, y + 3 * unit), fill=INK)
-    label(sheet, end + letters / 2, y, f"{metres:g} m", letters, anchor="lm", halo=None)
+    draw_text(sheet, (end + letters / 2, y), f"{metres:g} m", letters, anchor="lm", halo=None)
     x = sheet.width - margin
     for robot in reversed(range(len(exploration.robots))):
         text = f"robot {robot + 1}"
         x -= round(font(letters).getlength(text) + letters * 1.6)
         draw_disc(sheet, x, y, 9 * unit, robot_colour(robot), WHITE, 0)
-        label(sheet, x + letters * 0.7, y, text, letters, anchor="lm", halo=None)
+        draw_text(sheet, (x + letters * 0.7, y), text, letters, anchor="lm", halo=None)
     below = sheet.height - margin * 0.8
     caption = caption_of(exploration)
-    label(sheet, margin, below, caption, letters, anchor="ls", fill=FAINT_INK, halo=None)
+    draw_text(sheet, (margin, below), caption, letters, anchor="ls", fill=FAINT_INK, halo=None)
     return sheet
-
-
-def mark_cells(
-    pixels: NDArray[np.uint8], view: MapWindow, cells: NDArray[np.integer], colour: Colour
-) -> None:
-    """Colour cells, shape (n, 2), in a plan's pixels, in place; at least a pixel each."""
-    corners = np.floor(view.pixels_of_cells(cells - 0.5) + 1e-9).astype(int)
-    size = max(int(view.zoom), 1)
-    for right in range(size):
-        for down in range(size):
-            x, y = corners.T + np.array([[right], [down]])
-            inside = (x >= 0) & (y >= 0) & (x < pixels.shape[1]) & (y < pixels.shape[0])
-            pixels[y[inside], x[inside]] = colour

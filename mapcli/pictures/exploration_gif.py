@@ -13,14 +13,13 @@ from PIL import Image
 from mapcli.model.exploration import Exploration, cells_before
 from mapcli.model.exploration_replay import ExplorationReplay
 from mapcli.pictures.book_figure import book_image
-from mapcli.pictures.drawing import FAINT_INK, WHITE, draw_disc, label
+from mapcli.pictures.drawing import FAINT_INK, WHITE, draw_disc, draw_text
 from mapcli.pictures.exploration import (
     FRONTIER,
     ROBOT_COLOURS,
-    mark_cells,
     robot_colour,
 )
-from mapcli.pictures.map_window import map_pixels, window_of
+from mapcli.pictures.map_window import map_pixels, mark_cells, window_of
 
 MOST_FRAMES = 300
 
@@ -105,27 +104,27 @@ class BookFrames:
 
 
 class PlanFrames:
-    """Frames of a floor plan: what is known, the frontier, and the ways so far."""
+    """Frames of a floor plan: what is known, the frontier, and the paths so far."""
 
     def __init__(self, exploration: Exploration, low: float) -> None:
         self.low = low
         whole = window_of(exploration.after)
         longer = max(whole.rows, whole.columns)
         zoom = round(LONGER_SIDE / longer) or 1 / -(-longer // LONGER_SIDE)
-        self.view = replace(whole, zoom=float(zoom))
+        self.window = replace(whole, zoom=float(zoom))
         steps = exploration.steps
         self.begins, self.ends = cells_before(steps), steps.path
         of_moves = np.repeat(steps.robot, np.diff(steps.path_end, prepend=0))
         palette = np.array(ROBOT_COLOURS, dtype=np.uint8) // 2 + 127
         self.colours = palette[of_moves % len(palette)]
-        self.ways = np.zeros((self.view.height, self.view.width, 3), dtype=np.uint8)
+        self.paths = np.zeros((self.window.height, self.window.width, 3), dtype=np.uint8)
 
     def frame(self, replay: ExplorationReplay) -> Image.Image:
-        shown = replace(self.view, grid=replay.grid)
+        shown = replace(self.window, grid=replay.grid)
         pixels = map_pixels(shown)
         self.draw_moves(replay.moved)
-        walked = self.ways.any(axis=2)
-        pixels[walked] = self.ways[walked]
+        walked = self.paths.any(axis=2)
+        pixels[walked] = self.paths[walked]
         mark_cells(pixels, shown, np.argwhere(replay.frontier(self.low)), FRONTIER)
         image = Image.fromarray(pixels)
         for robot, cell in enumerate(replay.robots):
@@ -134,12 +133,12 @@ class PlanFrames:
         return captioned(image, replay, 18)
 
     def draw_moves(self, moves: slice) -> None:
-        """Add moves to the ways: thin lines, over those that were there."""
-        begin = self.view.pixels_of_cells(self.begins[moves])
-        end = self.view.pixels_of_cells(self.ends[moves])
-        for part in np.linspace(0, 1, max(round(self.view.zoom), 1) + 1)[1:]:
+        """Add moves to the paths: thin lines, over those that were there."""
+        begin = self.window.pixels_of_cells(self.begins[moves])
+        end = self.window.pixels_of_cells(self.ends[moves])
+        for part in np.linspace(0, 1, max(round(self.window.zoom), 1) + 1)[1:]:
             x, y = (begin + (end - begin) * part).astype(int).T
-            self.ways[y, x] = self.colours[moves]
+            self.paths[y, x] = self.colours[moves]
 
 
 def captioned(image: Image.Image, replay: ExplorationReplay, size: int) -> Image.Image:
@@ -150,5 +149,5 @@ def captioned(image: Image.Image, replay: ExplorationReplay, size: int) -> Image
     sheet = Image.new("RGB", (image.width, image.height + round(size * 1.8)), WHITE)
     sheet.paste(image)
     y = image.height + size * 0.8
-    label(sheet, size * 0.7, y, text, size, anchor="lm", fill=FAINT_INK, halo=None)
+    draw_text(sheet, (size * 0.7, y), text, size, anchor="lm", fill=FAINT_INK, halo=None)
     return sheet

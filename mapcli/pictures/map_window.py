@@ -1,4 +1,4 @@
-"""The part of a map that a floor plan shows, and where its cells fall on the picture."""
+"""The window of a map that a picture shows, and the pixels on which its cells fall."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mapcli.model.grid import GridMap, bands
-from mapcli.pictures.drawing import INK, UNKNOWN, WHITE
+from mapcli.pictures.drawing import INK, UNKNOWN, WHITE, Colour
 
 USUAL_SIDE, LARGEST_SIDE = 1600, 4000
 """Pixels of a plan's longer side: what is aimed at, and where reducing begins."""
@@ -20,7 +20,7 @@ LARGEST_CELL = 48
 
 @dataclass(frozen=True, eq=False)
 class MapWindow:
-    """Which cells a plan shows, and where on the picture.
+    """Which cells of a map a plan shows, and where on the picture.
 
     Attributes:
         grid: the map.
@@ -59,11 +59,38 @@ class MapWindow:
         return self.pixels_of_cells(self.grid.fractional_cells_of_world(points))
 
 
+@dataclass(frozen=True)
+class PlanLayout:
+    """Sizes of what stands on and around a plan, which grow with it, pixels."""
+
+    unit: float
+
+    @classmethod
+    def of(cls, window: MapWindow) -> PlanLayout:
+        return cls(min(max(max(window.width, window.height) / USUAL_SIDE, 0.7), 2.5))
+
+    @property
+    def letters(self) -> int:
+        return round(24 * self.unit)
+
+    @property
+    def small(self) -> int:
+        return round(18 * self.unit)
+
+    @property
+    def gap(self) -> int:
+        return round(10 * self.unit)
+
+    @property
+    def margin(self) -> int:
+        return round(40 * self.unit)
+
+
 def window_of(
     grid: GridMap, path: NDArray[np.float64] | None = None, *, scale: int | None = None,
     crop: bool = True,
 ) -> MapWindow:  # fmt: skip
-    """The window on what is known and on the path, with a margin; `scale` is pixels per cell."""
+    """The window around what is known and the path, with a margin; `scale`: pixels per cell."""
     top, left, bottom, right = _window(grid, path) if crop else (0, 0, grid.rows, grid.columns)
     longer = max(bottom - top, right - left)
     if scale is not None:
@@ -96,32 +123,46 @@ def _window(grid: GridMap, path: NDArray[np.float64] | None) -> tuple[int, int, 
     )
 
 
-def map_pixels(view: MapWindow) -> NDArray[np.uint8]:
-    """The cells of a view as colours, shape (height, width, 3); walls survive reducing."""
-    factor = max(round(1 / view.zoom), 1)
-    lines = -(-view.rows // factor)
-    colours = np.empty((lines, -(-view.columns // factor), 3), dtype=np.uint8)
-    for band in bands(lines, view.columns * factor):
-        cells = _shown_cells(view, band.start * factor, min(band.stop * factor, view.rows))
+def map_pixels(window: MapWindow) -> NDArray[np.uint8]:
+    """The cells of a window as colours, shape (height, width, 3); walls survive reducing."""
+    factor = max(round(1 / window.zoom), 1)
+    lines = -(-window.rows // factor)
+    colours = np.empty((lines, -(-window.columns // factor), 3), dtype=np.uint8)
+    for band in bands(lines, window.columns * factor):
+        cells = _shown_cells(window, band.start * factor, min(band.stop * factor, window.rows))
         cells = _pool(cells, factor) if factor > 1 else cells
         levels = np.where(np.isnan(cells), _UNKNOWN_LEVEL, np.rint(cells * np.float32(100)))
         colours[band] = _LEVEL_COLOURS[levels.astype(np.uint8)]
-    if view.zoom > 1:
-        colours = colours.repeat(int(view.zoom), axis=1).repeat(int(view.zoom), axis=0)
+    if window.zoom > 1:
+        colours = colours.repeat(int(window.zoom), axis=1).repeat(int(window.zoom), axis=0)
     return colours
 
 
-def _shown_cells(view: MapWindow, first: int, last: int) -> NDArray[np.float32]:
+def mark_cells(
+    pixels: NDArray[np.uint8], window: MapWindow, cells: NDArray[np.integer], colour: Colour
+) -> None:
+    """Colour cells, (row, column) in shape (n, 2), in the window's pixels, in place; at least a
+    pixel each."""
+    corners = window.pixels_of_cells(cells - 0.5) - (window.x, window.y)
+    x, y = np.floor(corners + 1e-9).astype(int).T
+    size = max(int(window.zoom), 1)
+    for down, right in np.ndindex(size, size):
+        inside = (x + right >= 0) & (x + right < pixels.shape[1])
+        inside &= (y + down >= 0) & (y + down < pixels.shape[0])
+        pixels[(y + down)[inside], (x + right)[inside]] = colour
+
+
+def _shown_cells(window: MapWindow, first: int, last: int) -> NDArray[np.float32]:
     """The cells of the window's rows from `first` to before `last`, shape (rows, columns);
     outside the map they are unknown."""
-    shown = np.full((last - first, view.columns), np.nan, dtype=np.float32)
-    start = view.top + first
-    top, left = max(start, 0), max(view.left, 0)
-    bottom = min(view.top + last, view.grid.rows)
-    right = min(view.left + view.columns, view.grid.columns)
+    shown = np.full((last - first, window.columns), np.nan, dtype=np.float32)
+    start = window.top + first
+    top, left = max(start, 0), max(window.left, 0)
+    bottom = min(window.top + last, window.grid.rows)
+    right = min(window.left + window.columns, window.grid.columns)
     if bottom > top and right > left:
-        part = shown[top - start : bottom - start, left - view.left : right - view.left]
-        part[:] = view.grid.part(top, left, bottom, right).cells
+        part = shown[top - start : bottom - start, left - window.left : right - window.left]
+        part[:] = window.grid.part(top, left, bottom, right).cells
     return shown
 
 
@@ -140,9 +181,9 @@ _UNKNOWN_LEVEL = np.float32(101)
 
 
 def _level_colours() -> NDArray[np.uint8]:
-    """Open cells white and obstacles dark, with a short ramp where the map is in doubt."""
-    doubt = np.clip((np.arange(101) / 100 - 0.3) / 0.4, 0, 1)[:, None]
-    ramp = np.array(WHITE) * (1 - doubt) + np.array(INK) * doubt
+    """Free cells white and obstacles dark, with a short ramp between, shape (102, 3)."""
+    darkness = np.clip((np.arange(101) / 100 - 0.3) / 0.4, 0, 1)[:, None]
+    ramp = np.array(WHITE) * (1 - darkness) + np.array(INK) * darkness
     return np.vstack([np.rint(ramp), UNKNOWN]).astype(np.uint8)
 
 

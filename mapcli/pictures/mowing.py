@@ -17,7 +17,7 @@ from mapcli.pictures.drawing import (
     Colour,
     draw_disc,
     draw_line,
-    label,
+    draw_text,
     png_bytes,
     round_length,
 )
@@ -48,8 +48,10 @@ def mowing_picture(plan: MowingPlan, mowings: Sequence[Mowing]) -> bytes:
     for k, (panel, mowing) in enumerate(zip(panels, mowings, strict=True)):
         x = MARGIN + k * (width + MARGIN)
         sheet.paste(panel, (x, HEAD))
-        label(sheet, x, HEAD - 44, _title(plan, mowing), 26, anchor="ls", halo=None)
-        label(sheet, x, HEAD - 14, _caption(mowing), 20, anchor="ls", fill=FAINT_INK, halo=None)
+        draw_text(sheet, (x, HEAD - 44), _title(plan, mowing), 26, anchor="ls", halo=None)
+        draw_text(
+            sheet, (x, HEAD - 14), _caption(mowing), 20, anchor="ls", fill=FAINT_INK, halo=None
+        )
     _scale_bar(sheet, zoom, HEAD + height + 36)
     return png_bytes(sheet)
 
@@ -111,4 +113,4 @@ def _scale_bar(sheet: Image.Image, zoom: float, y: int) -> None:
     metres = round_length(PANEL / zoom / 4)
     right = MARGIN + metres * zoom
     ImageDraw.Draw(sheet).rectangle((MARGIN, y, right, y + 3), fill=INK)
-    label(sheet, right + 14, y, f"{metres:g} m", 22, anchor="lm", halo=None)
+    draw_text(sheet, (right + 14, y), f"{metres:g} m", 22, anchor="lm", halo=None)

@@ -25,8 +25,8 @@ from mapcli.pictures.drawing import (
     arrow_head,
     draw_disc,
     draw_polygon,
+    draw_text,
     font,
-    label,
     png_bytes,
     round_length,
     time_colours,
@@ -94,8 +94,8 @@ def _panel(
     width = max(cells.width, *map(math.ceil, letters)) + 2 * MARGIN
     image = Image.new("RGB", (width, cells.height + 2 * TITLE + MARGIN), WHITE)
     image.paste(cells, (MARGIN, TITLE))
-    label(image, MARGIN, TITLE / 2, title, LETTERS, anchor="lm")
-    label(image, MARGIN, TITLE * 1.5 + cells.height, caption, LETTERS, anchor="lm",
+    draw_text(image, (MARGIN, TITLE / 2), title, LETTERS, anchor="lm")
+    draw_text(image, (MARGIN, TITLE * 1.5 + cells.height), caption, LETTERS, anchor="lm",
           fill=FAINT_INK)  # fmt: skip
     right, bottom = MARGIN + cells.width, TITLE + cells.height
     ImageDraw.Draw(image).rectangle((MARGIN - 1, TITLE - 1, right, bottom), outline=LINE)
@@ -116,7 +116,7 @@ def _grid_and_numbers(image: Image.Image, values: Signs, size: int, unknown: str
     for (row, column), value in np.ndenumerate(values):
         text, fill = (str(value), INK) if value else (unknown, FAINT_INK)
         x, y = MARGIN + (column + 0.5) * size, TITLE + (row + 0.5) * size
-        label(image, x, y, text, max(round(size * 0.4), 8), fill=fill, halo=None)
+        draw_text(image, (x, y), text, max(round(size * 0.4), 8), fill=fill, halo=None)
 
 
 def _robot(image: Image.Image, robot: tuple[float, float, float], size: float) -> None:
@@ -152,7 +152,7 @@ def heat_map(surface: Floats, along: Floats, peaks: Peaks, *, lower: bool) -> by
     image.paste(plan, (left, top))
     _steps(image, along, (left, top, width))
     score = number_text(peaks.peak.score)
-    label(image, MARGIN, TITLE / 2, f"best score of all headings, peak {score}", LETTERS,
+    draw_text(image, (MARGIN, TITLE / 2), f"best score of all headings, peak {score}", LETTERS,
           anchor="lm")  # fmt: skip
     _bar(image, (left + width + 40, top, width), (low, high), lower=lower)
     _peak(image, peaks.peak, along, (left, top, width), RED, "peak")
@@ -160,7 +160,7 @@ def heat_map(surface: Floats, along: Floats, peaks: Peaks, *, lower: bool) -> by
         _peak(image, peaks.second, along, (left, top, width), WHITE, "2")
     told = "no second peak" if peaks.second is None else (
         f"second peak (2): {number_text(peaks.second.score)}")  # fmt: skip
-    label(image, MARGIN, image.height - TITLE / 2, told, LETTERS, anchor="lm", fill=FAINT_INK)
+    draw_text(image, (MARGIN, image.height - TITLE / 2), told, LETTERS, anchor="lm", fill=FAINT_INK)
     return png_bytes(image)
 
 
@@ -181,7 +181,7 @@ def _peak(
     draw_disc(image, x, y, 7, colour, edge, 2)
     said = f"{text} ({candidate.turn_deg:g} deg)"
     room = x + 14 + font(LETTERS).getlength(said) < box[0] + box[2]
-    label(image, x + (14 if room else -14), y, said, LETTERS, anchor="lm" if room else "rm")
+    draw_text(image, (x + (14 if room else -14), y), said, LETTERS, anchor="lm" if room else "rm")
 
 
 def _steps(image: Image.Image, along: Floats, box: tuple[int, int, int]) -> None:
@@ -195,13 +195,15 @@ def _steps(image: Image.Image, along: Floats, box: tuple[int, int, int]) -> None
     for k in range(-math.floor(along[-1] / tick + 1e-9), math.floor(along[-1] / tick + 1e-9) + 1):
         at = (k * tick - float(along[0])) / spacing + 0.5
         pixel = at * width / len(along)
-        label(image, left + pixel, top + width + 8, f"{k * tick:g}", 16, anchor="mt",
+        draw_text(image, (left + pixel, top + width + 8), f"{k * tick:g}", 16, anchor="mt",
               fill=FAINT_INK, halo=None)  # fmt: skip
-        label(image, left - 8, top + width - pixel, f"{k * tick:g}", 16, anchor="rm",
+        draw_text(image, (left - 8, top + width - pixel), f"{k * tick:g}", 16, anchor="rm",
               fill=FAINT_INK, halo=None)  # fmt: skip
-    label(image, left + width / 2, top + width + 32, "right of the intended pose", 16, anchor="mt",
-          fill=FAINT_INK, halo=None)  # fmt: skip
-    label(image, left, top - 12, "up", 16, anchor="rb", fill=FAINT_INK, halo=None)
+    below = left + width / 2, top + width + 32
+    draw_text(
+        image, below, "right of the intended pose", 16, anchor="mt", fill=FAINT_INK, halo=None
+    )
+    draw_text(image, (left, top - 12), "up", 16, anchor="rb", fill=FAINT_INK, halo=None)
 
 
 def _bar(
@@ -213,7 +215,7 @@ def _bar(
     image.paste(Image.fromarray(np.repeat(ramp[:, None], 16, axis=1)), (x, top))
     worst, best = (-ends[0], -ends[1]) if lower else ends
     for y, value, anchor in ((top, best, "lt"), (top + height, worst, "lb")):
-        label(image, x + 22, y, number_text(value + 0.0), 16, anchor=anchor, halo=None)
+        draw_text(image, (x + 22, y), number_text(value + 0.0), 16, anchor=anchor, halo=None)
 
 
 def landmark_plan(
@@ -250,11 +252,12 @@ def landmark_plan(
     for k, point in enumerate(points):
         draw_disc(image, *pixel(*point), 9, OBSTACLE, INK, 1)
         x, y = pixel(*point)
-        label(image, x + 14, y - 14, str(k), 16, anchor="lm")
+        draw_text(image, (x + 14, y - 14), str(k), 16, anchor="lm")
     for name, pose in robots.items():
         _posed(image, *pixel(pose.x, pose.y), pose.theta, name)
-    label(image, MARGIN, image.height - TITLE / 2, "grey: landmarks; red rings: as measured from "
-          "the best pose", LETTERS, anchor="lm", fill=FAINT_INK)  # fmt: skip
+    legend = "grey: landmarks; red rings: as measured from the best pose"
+    below = MARGIN, image.height - TITLE / 2
+    draw_text(image, below, legend, LETTERS, anchor="lm", fill=FAINT_INK)
     return png_bytes(image)
 
 
@@ -265,4 +268,4 @@ def _posed(image: Image.Image, x: float, y: float, heading: float, name: str) ->
     ImageDraw.Draw(image).line((x, y, *tip), fill=colour, width=3)
     draw_polygon(image, arrow_head(*tip, -heading, 9), colour, WHITE, 0)
     draw_disc(image, x, y, 8, colour, WHITE, 1)
-    label(image, x, y + 22, name, 16)
+    draw_text(image, (x, y + 22), name, 16)

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from mapcli.algorithms.maps.compare import compare
-from mapcli.algorithms.maps.transform import bake, move
+from mapcli.algorithms.maps.transform import bake_yaw, move
 from mapcli.cli import main
 from mapcli.formats.maps.load import dump_map, load_map
 from mapcli.model.comparison import FREE, OCCUPIED
@@ -100,7 +100,7 @@ def test_alignment_finds_a_turned_map(capsys: pytest.CaptureFixture[str]) -> Non
     for row, column in rng.integers(5, 75, (6, 2)):
         cells[row : row + 4, column : column + 3] = 100
     grid = GridMap(cells, 0.1)
-    turned = bake(move(grid, Pose2D(3, -8, 1.9))[0])
+    turned = bake_yaw(move(grid, Pose2D(3, -8, 1.9))[0])
     for name, made in (("g.yaml", grid), ("t.yaml", turned)):
         for file, data in dump_map(made, name).items():
             Path(file).write_bytes(data)

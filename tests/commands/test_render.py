@@ -114,7 +114,10 @@ def test_trace_without_poses_is_a_plan_without_path() -> None:
     [
         (["no.txt"], "no.txt: no such file"),
         (["book.txt", "--robot", "3,0"], "book.txt: robot at 3,0; expected a cell of 3 rows"),
-        (["book.txt", "--scale", "9999"], "book.txt: 3 rows, 3 columns at --scale 9999; expected"),
+        (
+            ["book.txt", "--scale", "9999"],
+            "book.txt: 3 rows, 3 columns at 9999 pixels per cell; expected",
+        ),
         (["book.txt", "--trace", "no.json"], "no.json: no such file"),
         (["book.txt", "--trace", "book.txt"], "book.txt: line 1: is not JSON"),
         (["large.txt", "--labels"], "large.txt: 1 rows, 251 columns; expected at most 250 a side"),

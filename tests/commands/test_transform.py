@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mapcli.algorithms.maps.transform import bake, move
+from mapcli.algorithms.maps.transform import bake_yaw, move
 from mapcli.cli import main
 from mapcli.formats.documents.trace import load_trace_poses
 from mapcli.formats.maps.load import dump_map, load_map
@@ -127,7 +127,7 @@ def test_align_and_merge_by_search(capsys: pytest.CaptureFixture[str]) -> None:
     cells = np.zeros((90, 120), dtype=np.uint8)
     cells[[0, -1]], cells[:, [0, -1]], cells[30, :70], cells[50:, 80] = 100, 100, 100, 100
     grid = GridMap(cells, 0.1)
-    turned = bake(move(grid, Pose2D(2, 1, 0.3))[0])
+    turned = bake_yaw(move(grid, Pose2D(2, 1, 0.3))[0])
     for name, made in (("straight.yaml", grid), ("turned.yaml", turned)):
         for file, data in dump_map(made, name).items():
             Path(file).write_bytes(data)

@@ -24,7 +24,7 @@ from mapcli.pictures.drawing import (
     round_length,
     time_colour,
 )
-from mapcli.pictures.floor_plan import duration
+from mapcli.pictures.floor_plan import Marker, duration
 from mapcli.pictures.map_picture import (
     book_image,
     book_picture,
@@ -35,6 +35,7 @@ from mapcli.pictures.map_picture import (
     window_of,
 )
 from mapcli.pictures.map_window import LARGEST_SIDE
+from mapcli.pictures.robot_path import RobotPath
 
 Q = float("nan")
 LEVELS = np.array([[Q, Q, Q, Q], [Q, 0, 1, 0.5], [Q, 0.1, 0.9, Q]], dtype=np.float32)
@@ -58,8 +59,8 @@ def colours_of(image: Image.Image) -> set[Any]:
 
 def test_cells_become_white_dark_and_light_grey() -> None:
     grid = GridMap(LEVELS)
-    view = window_of(grid, scale=1, crop=False)
-    colours = map_pixels(view)
+    window = window_of(grid, scale=1, crop=False)
+    colours = map_pixels(window)
     assert colours.shape == (3, 4, 3)
     assert colours[0, 0].tolist() == list(UNKNOWN)
     assert colours[1, 1].tolist() == list(WHITE)
@@ -71,23 +72,23 @@ def test_cells_become_white_dark_and_light_grey() -> None:
 
 def test_view_is_cropped_to_what_is_known_and_to_the_path() -> None:
     grid = room()
-    view = window_of(grid)
-    assert (view.top, view.left, view.rows, view.columns) == (8, 8, 44, 84)
+    window = window_of(grid)
+    assert (window.top, window.left, window.rows, window.columns) == (8, 8, 44, 84)
     far = np.array([[50.0, 30.0], [95.5, 30.0]])  # column 95, row 29
-    view = window_of(grid, far)
-    assert (view.left, view.columns) == (8, 90)
+    window = window_of(grid, far)
+    assert (window.left, window.columns) == (8, 90)
 
 
-def test_view_of_a_map_without_known_cells_is_the_whole_map() -> None:
-    view = window_of(GridMap(np.full((5, 7), Q)))
-    assert (view.top, view.left, view.rows, view.columns) == (-2, -2, 9, 11)
+def test_the_window_of_a_map_without_known_cells_is_the_whole_map() -> None:
+    window = window_of(GridMap(np.full((5, 7), Q)))
+    assert (window.top, window.left, window.rows, window.columns) == (-2, -2, 9, 11)
 
 
 def test_world_points_fall_on_their_cells() -> None:
     grid = room(resolution=0.5, origin=Pose2D(3, -2, 0.7))
-    view = window_of(grid, scale=4)
+    window = window_of(grid, scale=4)
     rows, columns = np.array([10, 20, 49]), np.array([10, 31, 89])
-    by_world = view.pixels_of_world(grid.world_of_cells(rows, columns))
+    by_world = window.pixels_of_world(grid.world_of_cells(rows, columns))
     expected = np.column_stack([(columns - 8 + 0.5) * 4, (rows - 8 + 0.5) * 4])
     assert np.allclose(by_world, expected)
 
@@ -96,8 +97,8 @@ def test_a_turned_map_is_drawn_in_its_own_axes() -> None:
     """The same map elsewhere, with the path turned along: the same picture but for the metres."""
     path = np.array([[15.0, 15.0], [80.0, 15.0], [80.0, 45.0]])
     place = Pose2D(0, 0, 1.1)
-    straight = pixels_of(plan_image(room(), path=path))
-    turned = pixels_of(plan_image(room(origin=place), path=place.apply(path)))
+    straight = pixels_of(plan_image(room(), path=RobotPath(path)))
+    turned = pixels_of(plan_image(room(origin=place), path=RobotPath(place.apply(path))))
     assert straight.shape == turned.shape
     assert np.array_equal(straight, turned)
 
@@ -106,9 +107,9 @@ def test_large_maps_are_reduced_and_thin_walls_stay() -> None:
     cells = np.zeros((3, 2 * LARGEST_SIDE + 1), dtype=np.float32)
     cells[1, 1234] = 1
     cells[:, 4000] = Q
-    view = window_of(GridMap(cells), crop=False)
-    assert view.zoom == pytest.approx(1 / 3)
-    colours = map_pixels(view)
+    window = window_of(GridMap(cells), crop=False)
+    assert window.zoom == pytest.approx(1 / 3)
+    colours = map_pixels(window)
     assert colours.shape == (1, 2667, 3)
     assert colours[0, 1234 // 3].tolist() == list(INK)
     assert colours[0, 4000 // 3].tolist() == list(WHITE)
@@ -119,7 +120,11 @@ def test_any_shape_can_be_drawn(shape: tuple[int, int]) -> None:
     grid = GridMap(np.zeros(shape), 0.05)
     middle = grid.world_of_cells([shape[0] // 2], [shape[1] // 2])
     image = plan_image(
-        grid, path=middle, title="A title", caption="a caption", markers=[(0, 0, "x")]
+        grid,
+        path=RobotPath(middle),
+        title="A title",
+        caption="a caption",
+        markers=[Marker(0, 0, "x")],
     )
     assert max(image.size) <= LARGEST_SIDE + 600
     assert INK in colours_of(image), "letters"
@@ -129,11 +134,11 @@ def test_path_is_coloured_by_time() -> None:
     grid = room(resolution=0.05)
     path = grid.world_of_cells(np.full(50, 30.0), np.linspace(15, 84, 50))
     stamps = np.linspace(100.0, 160.0, 50)
-    view = window_of(grid, path)
-    image = plan_image(grid, path=path, stamps=stamps, headings=np.zeros(50))
+    window = window_of(grid, path)
+    image = plan_image(grid, path=RobotPath(path, stamps, np.zeros(50)))
     offset = placed_at(image, grid, path)
     for k in (3, 22):
-        x, y = np.floor(view.pixels_of_world(path[k : k + 1])[0] + offset).astype(int)
+        x, y = np.floor(window.pixels_of_world(path[k : k + 1])[0] + offset).astype(int)
         found = np.array(image.getpixel((int(x), int(y))))
         assert np.abs(found - time_colour(k / 49)).max() < 40
 
@@ -148,7 +153,7 @@ def placed_at(image: Image.Image, grid: GridMap, path: NDArray[np.float64]) -> N
 
 def test_pictures_are_deterministic_png_files() -> None:
     path = np.array([[15.0, 15.0], [80.0, 15.0], [80.0, 45.0]])
-    first, second = (floor_plan(room(), path=path) for _ in range(2))
+    first, second = (floor_plan(room(), path=RobotPath(path)) for _ in range(2))
     assert first == second
     assert Image.open(io.BytesIO(first)).format == "PNG"
     assert book_picture(GridMap(LEVELS)) == book_picture(GridMap(LEVELS))
@@ -156,7 +161,7 @@ def test_pictures_are_deterministic_png_files() -> None:
 
 def test_a_path_far_away_is_bounded() -> None:
     path = np.tile(np.array([[1e9, 1e9], [50.0, 30.0], [-1e9, 30.0]]), (20, 1))
-    image = plan_image(room(), path=path)
+    image = plan_image(room(), path=RobotPath(path))
     assert max(image.size) < LARGEST_SIDE
 
 
