@@ -19,9 +19,9 @@ CONTENTS = [0.0, 0.1, 0.2, 0.3, 0.8, 1.0, float("nan")]
 
 
 @st.composite
-def worlds(draw: st.DrawFn, largest: int = 7) -> np.ndarray:
-    """Small worlds, from nearly empty to inflated, with cells that the world does not know."""
-    rows, columns = draw(st.integers(1, largest)), draw(st.integers(1, largest))
+def worlds(draw: st.DrawFn, largest: int = 7, smallest: int = 1) -> np.ndarray:
+    """Small worlds, from nearly empty to crowded, with cells that the world does not know."""
+    rows, columns = draw(st.integers(smallest, largest)), draw(st.integers(smallest, largest))
     contents = draw(
         st.sampled_from([CONTENTS, [0.1, 0.1, 0.1, 0.9], [0.1, 0.9, float("nan")], [0.1]])
     )
@@ -37,9 +37,9 @@ def open_cells(*maps: np.ndarray) -> list[tuple[int, int]]:
 
 
 @st.composite
-def exploration_cases(draw: st.DrawFn, robots: int = 1) -> dict[str, Any]:
+def exploration_cases(draw: st.DrawFn, robots: int = 1, smallest: int = 1) -> dict[str, Any]:
     """A world, robots in it, and sometimes what they know at the start, which may be wrong."""
-    world = draw(worlds().filter(lambda w: len(open_cells(w)) >= 1))
+    world = draw(worlds(smallest=smallest).filter(lambda w: len(open_cells(w)) >= 1))
     known = None
     if draw(st.booleans()):
         known = world.copy()

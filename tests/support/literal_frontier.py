@@ -32,7 +32,7 @@ class Robot:
     origin: Cell | None = None
     frontier_size: int = 0
     priority: float | None = None
-    bump: Cell | None = None
+    collision: Cell | None = None
 
 
 class LiteralFrontier:
@@ -93,7 +93,7 @@ class LiteralFrontier:
         """Lines 2-6."""
         return [c for c in self.all_cells() if self.is_open(c) and self.unknown_neighbours(c)]
 
-    def is_crowded(self, cell: Cell) -> bool:
+    def is_inflated(self, cell: Cell) -> bool:
         near = range(-math.ceil(self.radius + 0.5), math.ceil(self.radius + 0.5) + 1)
         for down, right in ((r, c) for r in near for c in near if (r, c) != (0, 0)):
             other = (cell[0] + down, cell[1] + right)
@@ -105,7 +105,7 @@ class LiteralFrontier:
     # --- motion -------------------------------------------------------------------------------
 
     def may_enter(self, cell: Cell, there: Cell) -> bool:
-        return self.is_open(there) and (not self.is_crowded(there) or self.is_crowded(cell))
+        return self.is_open(there) and (not self.is_inflated(there) or self.is_inflated(cell))
 
     def beside(self, cell: Cell, there: Cell) -> list[Cell]:
         """The two cells beside a diagonal move."""
@@ -117,30 +117,30 @@ class LiteralFrontier:
         return all(self.may_enter(cell, c) for c in [there, *self.beside(cell, there)])
 
     def distances(self, start: Cell, as_point: bool = False) -> dict[Cell, int]:
-        """Path length in cells to all cells that can be reached; a robot in the crowd takes the
-        shortest way out of it."""
+        """Path length in cells to all cells that can be reached; a robot on inflated cells takes
+        the shortest way off them."""
         if as_point:
             radius, self.radius = self.radius, 0
             distances, self.radius = self.distances(start), radius
             return distances
-        distances, layer, out = {start: 0}, [start], not self.is_crowded(start)
+        distances, layer, out = {start: 0}, [start], not self.is_inflated(start)
         while layer:
             after = []
             for cell in layer:
-                if self.is_crowded(cell) and out:
+                if self.is_inflated(cell) and out:
                     continue
                 for down, right in self.moves:
                     there = (cell[0] + down, cell[1] + right)
                     if there not in distances and self.can_move(cell, there):
                         distances[there] = distances[cell] + 1
                         after.append(there)
-            out = out or any(not self.is_crowded(cell) for cell in after)
+            out = out or any(not self.is_inflated(cell) for cell in after)
             layer = after
         return distances
 
     def leads_on(self, cell: Cell, distances: dict[Cell, int]) -> bool:
-        out = min((d for c, d in distances.items() if not self.is_crowded(c)), default=math.inf)
-        return not self.is_crowded(cell) or distances[cell] < out
+        out = min((d for c, d in distances.items() if not self.is_inflated(c)), default=math.inf)
+        return not self.is_inflated(cell) or distances[cell] < out
 
     def path(self, goal: Cell, distances: dict[Cell, int]) -> list[Cell]:
         """The canonical shortest path, without the robot's cell, with the goal."""
@@ -161,7 +161,7 @@ class LiteralFrontier:
 
     # --- choice -------------------------------------------------------------------------------
 
-    def worth(self, cell: Cell) -> int:
+    def utility(self, cell: Cell) -> int:
         if self.strategy == "nearest":
             return 1
         if self.strategy == "priority":
@@ -176,7 +176,7 @@ class LiteralFrontier:
         taken = {r.goal for r in self.robots if r is not robot}
         free = [
             c for c in self.frontier()
-            if c in mine and c not in taken and (mine[c] == 0 or not self.is_crowded(c))
+            if c in mine and c not in taken and (mine[c] == 0 or not self.is_inflated(c))
         ]  # fmt: skip
         all_distances = [self.distances(r.cell, as_point=True) for r in self.robots]
 
@@ -188,54 +188,56 @@ class LiteralFrontier:
         candidates = own or free
         if not candidates:
             if self.radius > 0.5:
-                self.go_to_lookout(robot, mine, taken)
+                self.go_to_viewpoint(robot, mine, taken)
             return
         frontier_size = len(self.frontier())
 
         def rank(cell: Cell) -> Any:
             d = mine[cell]
-            value = Fraction(self.worth(cell), d) if d else math.inf
+            value = Fraction(self.utility(cell), d) if d else math.inf
             return (-value, d, cell)
 
         goal = min(candidates, key=rank)
         robot.goal, robot.kind, robot.ahead = goal, "frontier", self.path(goal, mine)
-        robot.frontier_size, robot.bump = frontier_size, None
-        worth = self.unknown_neighbours(goal) if self.strategy == "nearest" else self.worth(goal)
-        robot.priority = worth / mine[goal] if mine[goal] else None
-        self.stop_before_bump(robot)
+        robot.frontier_size, robot.collision = frontier_size, None
+        utility = (
+            self.unknown_neighbours(goal) if self.strategy == "nearest" else self.utility(goal)
+        )
+        robot.priority = utility / mine[goal] if mine[goal] else None
+        self.stop_before_collision(robot)
 
-    def go_to_lookout(self, robot: Robot, mine: dict[Cell, int], taken: set[Cell | None]) -> None:
+    def go_to_viewpoint(self, robot: Robot, mine: dict[Cell, int], taken: set[Cell | None]) -> None:
         """To the nearest cell where the robot fits, where nobody has sensed, and from which an
         unknown cell is to be seen."""
         for cell in sorted(mine, key=lambda c: (mine[c], c)):
-            fits = mine[cell] == 0 or not self.is_crowded(cell)
-            if fits and cell not in taken and self.is_lookout(cell):
+            fits = mine[cell] == 0 or not self.is_inflated(cell)
+            if fits and cell not in taken and self.is_viewpoint(cell):
                 robot.goal, robot.kind, robot.ahead = cell, "lookout", self.path(cell, mine)
                 robot.frontier_size, robot.priority = len(self.frontier()), None
-                self.stop_before_bump(robot)
+                self.stop_before_collision(robot)
                 return
 
-    def is_lookout(self, cell: Cell) -> bool:
+    def is_viewpoint(self, cell: Cell) -> bool:
         seen = self.look(cell, self.is_open)
         return cell not in self.sensed_from and any(self.may_be_learned(c) for c in seen)
 
-    def stop_before_bump(self, robot: Robot) -> None:
+    def stop_before_collision(self, robot: Robot) -> None:
         here = robot.cell
         for k, there in enumerate(robot.ahead):
             for cell in [there, *self.beside(here, there)]:
                 if self.is_obstacle_of_world(cell):
                     robot.ahead, robot.goal = robot.ahead[:k], here
-                    robot.kind, robot.bump = "blocked", cell
+                    robot.kind, robot.collision = "blocked", cell
                     return
             here = there
 
-    def is_worth_going(self, robot: Robot) -> bool:
-        fits = robot.cell == robot.goal or not self.is_crowded(robot.goal)
+    def is_goal_valid(self, robot: Robot) -> bool:
+        fits = robot.cell == robot.goal or not self.is_inflated(robot.goal)
         if robot.kind == "frontier":
             return robot.goal in self.frontier() and fits
         if robot.kind == "lookout":
-            return fits and self.is_lookout(robot.goal)
-        return robot.kind != "blocked" or self.is_open(robot.bump)
+            return fits and self.is_viewpoint(robot.goal)
+        return robot.kind != "blocked" or self.is_open(robot.collision)
 
     # --- sensing ------------------------------------------------------------------------------
 
@@ -276,18 +278,21 @@ class LiteralFrontier:
     def run(self) -> LiteralFrontier:
         while True:  # 1
             for robot in self.robots:
-                if robot.goal is not None and not self.is_worth_going(robot):
+                if robot.goal is not None and not self.is_goal_valid(robot):
                     robot.goal, robot.ahead = None, []
+            is_point = self.radius <= 0.5  # others may see something from where they fit
+            if not self.frontier() and is_point and self.are_idle():  # 2-7
+                break
             for number, robot in enumerate(self.robots):
                 under_way = sum(r.goal is not None for r in self.robots)
                 if robot.goal is None and len(self.steps) + under_way < self.max_steps:
-                    self.choose(number)  # 2-6, 8
-            if all(robot.goal is None for robot in self.robots):
-                break  # 7
+                    self.choose(number)  # 8
+            if self.are_idle():  # no way to the frontier, or a limit
+                break
             self.move()  # 9
             for number, robot in enumerate(self.robots):
                 if robot.goal is not None and not robot.ahead:
-                    if self.is_worth_going(robot):
+                    if self.is_goal_valid(robot):
                         self.sense(number)  # 10-12
                     else:
                         robot.goal = None
@@ -296,6 +301,9 @@ class LiteralFrontier:
                 robot.priority = None
                 self.record(number, "stop", [], [])
         return self
+
+    def are_idle(self) -> bool:
+        return all(robot.goal is None for robot in self.robots)
 
     def move(self) -> None:
         """One time step, unless somebody is there already or cannot go on."""

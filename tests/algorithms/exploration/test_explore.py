@@ -240,7 +240,7 @@ def test_a_robot_with_a_radius_misses_nothing(
             after.sensed |= {(r, c) for r, c in step.unknowable.tolist()}
         for robot in after.robots:
             reached = after.distances(robot.cell)
-            for cell in (c for c in reached if not after.is_crowded(c)):
+            for cell in (c for c in reached if not after.is_inflated(c)):
                 shown = after.look(cell, lambda c: c in after.world and after.world[c] < 0.5)
                 assert not any(after.may_be_learned(c) for c in shown)
 
