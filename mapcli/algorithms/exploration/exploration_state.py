@@ -1,4 +1,4 @@
-"""The field of an exploration: the world, what is known of it, and the frontier, cell by cell.
+"""The state of an exploration: the world, what is known of it, and the frontier, cell by cell.
 
 Everything the loops of Algorithm 9.1 touch is a flat array, because the same functions run twice:
 as plain Python on small maps, where nothing heavy may be imported, and compiled by numba on large
@@ -36,7 +36,7 @@ class Reals(Protocol):
 
 OUTSIDE, UNKNOWN, UNKNOWABLE, OPEN, OBSTACLE = range(5)
 """What a cell is. UNKNOWN may be learned yet; UNKNOWABLE was sensed and stayed unknown, because
-the world itself does not know it, and nobody looks at it again. In the world itself a cell is
+the world itself does not know it, and it is not sensed for again. In the world itself a cell is
 never UNKNOWN. Beyond the edge of the map there is nothing to learn: OUTSIDE."""
 
 BLOCK = 16

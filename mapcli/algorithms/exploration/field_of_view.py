@@ -34,9 +34,10 @@ class FieldOfView(NamedTuple):
     Attributes:
         range: in cells; 1 means the eight neighbours.
         reach: of the window, in rows and columns: the range or the map's size.
-        seen: the cells of the last look (int64).
-        window: when each cell around the robot was last seen, shape ((2 reach + 1) ** 2,) (int32).
-        looks: how many looks there were, shape (1,) (int64).
+        seen: the visible cells that the last query found (int64).
+        window: the query in which each cell around the robot was last seen, shape
+            ((2 reach + 1) ** 2,) (int32).
+        queries: how many there were, shape (1,) (int64).
         sectors: stack of sectors that wait, five numbers each (int64).
     """
 
@@ -49,7 +50,7 @@ class FieldOfView(NamedTuple):
 
 
 def make_field_of_view(state: ExplorationState, sensor_range: int) -> FieldOfView:
-    """A sensor that reaches `sensor_range` cells, for this field."""
+    """A sensor that reaches `sensor_range` cells, for this map."""
     reach = min(sensor_range, max(state.rows, state.columns))
     side = 2 * reach + 1
     waiting = 5 * (reach + 2) * (reach + 3) if sensor_range > 1 else 0
@@ -74,7 +75,7 @@ def cells_in_range(fov: FieldOfView) -> int:
 def visible_cells(
     state: ExplorationState, fov: FieldOfView, kinds: Cells, passed: int, cell: int
 ) -> int:
-    """See from a cell: how many cells of `fov.seen` hold the answer.
+    """The cells visible from a cell: how many entries of `fov.seen` they are.
 
     Args:
         kinds: what each cell is, `state.world` or `state.known`.

@@ -57,7 +57,7 @@ class Chooser(NamedTuple):
         seen: with GAIN, for each cell 1 + the number of cells expected to be seen when that was
             last worked out, 0 where never (int32). As the map gets known this only shrinks, so
             what it was bounds what it is.
-        best: scratch: cell, worth and moves of the best goal in the robot's own part, and of the
+        best: scratch: cell, utility and moves of the best goal in the robot's own part, and of the
             best one anywhere (int64).
     """
 

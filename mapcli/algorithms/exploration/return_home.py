@@ -27,8 +27,8 @@ def return_home(
     """All robots go home on shortest paths, or to the nearest place where they fit.
 
     A start can turn out to be too close to an obstacle. A robot whose way is blocked by an
-    obstacle that was believed to be open senses it and looks for another way; one that has no
-    way stays. Returns whether all are at rest; if not, it goes on when it is called again.
+    obstacle that was believed to be open senses it and searches for another path; one that has
+    none stays. Returns whether all are at rest; if not, it goes on when it is called again.
     """
     while may_go_on(state, planner.fov, robots, trace):
         for robot in range(len(homes)):

@@ -32,7 +32,7 @@ when goals were last chosen (`limits`), and how many rounds are left until the r
 
 
 class Goal(NamedTuple):
-    """A cell to go to (NOWHERE when there is none), why, its worth and the path length to it."""
+    """A cell to go to (NOWHERE when there is none), why, its utility and the path length to it."""
 
     kind: int
     cell: int
@@ -48,7 +48,7 @@ class Robots(NamedTuple):
         goal, kind: where it goes, or NOWHERE, and why.
         begin, at, end: its path in `Trace.paths` since its last step, and how far it has come.
         bump: the cell that will turn out to be an obstacle, when the kind is BLOCKED.
-        frontier, worth, moves: size of the frontier when the goal was chosen, and the choice.
+        frontier, utility, moves: of the goal when it was chosen; `frontier` is the size of it.
     """
 
     cell: Cells
@@ -69,7 +69,7 @@ class Trace(NamedTuple):
     everything sensed, one after the other (int32), with a minus where a cell stayed unknown.
 
     Attributes:
-        robot, kind, time, origin, goal, frontier, worth, moves: of each step.
+        robot, kind, time, origin, goal, frontier, utility, moves: of each step.
         path_begin, path_end: its part of `paths`.
         sensed_end: where its part of `sensed` ends; it begins where that of the step before ends.
         counts: used lengths (int64).

@@ -4,12 +4,11 @@ A VIEWPOINT is a cell where it fits (or is already), where no robot has sensed y
 an unknown cell is visible if all is as is known. The nearest one is the next goal, whatever the
 strategy (ties: smallest row, then smallest column).
 
-So it ends: nobody looks twice from the same cell. And nothing is missed: as long as a robot can
+So it ends: no robot senses twice from the same cell. And nothing is missed: as long as a robot can
 reach a cell from which there is something to see, it goes on.
 
-A cell from which nothing is to be seen stays so: its rays end at known obstacles, and only where
-an obstacle proves to be none is it worth looking at the cell again. So each cell is looked at
-once, as far as searches for the nearest viewpoint get.
+A cell from which nothing is to be seen stays so: its rays end at known obstacles. It is tested again
+only when an obstacle proves to be none, so each cell is tested about once.
 """
 
 from __future__ import annotations
@@ -76,7 +75,7 @@ def find_viewpoint(
 def is_viewpoint(
     state: ExplorationState, fov: FieldOfView, viewpoints: Viewpoints, cell: int
 ) -> bool:
-    """Whether a look from a cell would show something; where a robot fits is not asked here."""
+    """Whether sensing on a cell would show something; where a robot fits is not asked here."""
     contradicted = state.counts[CONTRADICTED]
     if viewpoints.rejected[cell] > contradicted:
         return False

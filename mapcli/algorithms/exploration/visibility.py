@@ -23,7 +23,7 @@ from mapcli.algorithms.exploration.field_of_view import (
 
 
 def shows_unknown(state: ExplorationState, fov: FieldOfView, cell: int) -> bool:
-    """Whether a look from a cell over known open cells would show an unknown one."""
+    """Whether an unknown cell is visible from a cell over known open cells."""
     if fov.range == 1:
         return count_unknown(state, fov, eight_neighbours(state, fov, cell)) > 0
     start_query(fov)

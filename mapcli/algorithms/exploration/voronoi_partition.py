@@ -1,8 +1,9 @@
-"""Whose part of the field a cell is in: that of the robot nearest to it (Sect. 9.3.2: "each robot
-will explore that portion of the frontier that is closest to its position").
+"""Voronoi partition of the map among robots, by multi-source breadth-first search: each cell
+belongs to the robot nearest to it (Sect. 9.3.2: "each robot will explore that portion of the
+frontier that is closest to its position").
 
-Nearest over known open cells, as points move; ties go to the first robot. Waves go out from all
-robots at once, and no farther than somebody asks.
+Distances are those of a point over known open cells; ties go to the first robot. The searches grow
+from all robots at once, and no farther than is asked for.
 """
 
 from __future__ import annotations
