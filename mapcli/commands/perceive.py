@@ -190,22 +190,19 @@ def _from_log(
     Raises:
         DataError: there is no such scan.
     """
-    from mapcli.algorithms.scans.scan_extraction import noting_start, scan_at, scan_perception
-    from mapcli.model.log import select
+    from mapcli.algorithms.scans.scan_extraction import extract_scan, scan_perception
 
     log = log_input.open([source])
-    start_ns: list[int] = []
-    records = noting_start(log.records(), start_ns)
-    chosen = select(records, log_input.start_s, log_input.end_s, log_input.every)
+    part = log_input.start_s, log_input.end_s, log_input.every
     try:
-        cut = scan_at(chosen, start_ns, at)
-        perception = scan_perception(cut.scan, cut.pose())
+        found = extract_scan(log.records(), at, *part)
+        perception = scan_perception(found.scan, found.pose())
     except DataError as error:
         error.file = error.file or log.name
         raise
     if not quiet:
         say_notes(log, verbose=verbose)
-    said = f"scan {cut.number} at {cut.seconds:.2f} s, {len(perception.beams)} beams"
-    if cut.odom is None:
+    said = f"scan {found.number} at {found.seconds:.2f} s, {len(perception.beams)} beams"
+    if found.odom is None:
         said += "; the log has no odometry there, so its pose is 0, 0, 0"
-    return dump_perception(perception, out, cut.odom), said
+    return dump_perception(perception, out, found.odom), said

@@ -1,4 +1,4 @@
-"""Odometry at the time of each scan (Algorithm 9.2, line 3 needs it there)."""
+"""Odometry interpolated at the stamp of each scan (Algorithm 9.2, line 3 needs it there)."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from mapcli.model.pose import Pose2D, interpolate
 from mapcli.model.scan import Odometry, RangeScan, Record
 
 PATIENCE_NS = 2_000_000_000
-"""How much later than a scan records may be before its odometry is no longer waited for."""
+"""Nanoseconds: how much later than a scan records may be before its odometry is no longer waited
+for."""
 
 EXTRAPOLATION_NS = 500_000_000
-"""How far beyond the last odometry, before a silence, its motion is taken to go on."""
+"""Nanoseconds after the last odometry before a silence in which its motion is extrapolated."""
 
 
 def odometry_at_scans(records: Iterable[Record]) -> Iterator[tuple[RangeScan, Pose2D | None]]:
@@ -48,7 +49,7 @@ def _need_not_wait(scan: RangeScan, known: deque[Odometry], now_ns: int) -> bool
 
 
 def _between(known: deque[Odometry], after: Odometry, stamp_ns: int) -> Pose2D | None:
-    """The pose between the last known odometry and the next."""
+    """The pose interpolated between the last known odometry and the next; None without both."""
     if not known:
         return None
     before = known[-1]
@@ -57,7 +58,7 @@ def _between(known: deque[Odometry], after: Odometry, stamp_ns: int) -> Pose2D |
 
 
 def _after(known: deque[Odometry], stamp_ns: int) -> Pose2D | None:
-    """The pose after the last known odometry, going on as before, for a short while."""
+    """The pose after the last known odometry, extrapolated at its last speed for a short while."""
     if not known or stamp_ns - known[-1].stamp_ns > EXTRAPOLATION_NS:
         return None
     last = known[-1]

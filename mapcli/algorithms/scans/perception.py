@@ -15,19 +15,21 @@ from numpy.typing import NDArray
 from mapcli.model.scan import RangeScan
 
 NoReturn = Literal["clear", "ignore"]
+"""What a beam without return tells: `clear`, that it passed open space up to the maximum range;
+`ignore`, nothing, since dark and polished things do not answer."""
 
 FARTHEST = 250.0
-"""Readings beyond this are taken for no return: no laser scanner for robots sees farther."""
+"""Metres; readings beyond are taken for no return: no laser scanner for robots sees farther."""
 
 
 @dataclass(frozen=True)
 class PerceptionParameters:
-    """What of a scan is believed.
+    """Which readings of a scan are used, and for what.
 
     Attributes:
-        range_min, range_max: metres; None takes the sensor's own limits.
-        no_return: `clear` makes beams without return open space up to `range_max`; `ignore`
-            leaves what they passed as it was, since dark and polished things do not answer.
+        range_min, range_max: metres; None takes the sensor's own limits. Nearer readings are left
+            out, farther ones count as no return.
+        no_return: what the beams without return tell, see `NoReturn`.
     """
 
     range_min: float | None = None
@@ -37,11 +39,11 @@ class PerceptionParameters:
 
 @dataclass(frozen=True, eq=False)
 class Perception:
-    """What one scan tells, in the robot's frame, metres.
+    """What one scan tells about obstacles and open space, in the robot's frame, metres.
 
     Attributes:
         hits: shape (n, 2), where beams ended at an obstacle.
-        open_ends: shape (k, 2), up to where beams without return are known to be free.
+        open_ends: shape (k, 2), up to where beams without return passed open space.
         laser: shape (2,), where the beams start.
     """
 
@@ -55,11 +57,14 @@ class Perception:
 
 
 def perceive(scan: RangeScan, parameters: PerceptionParameters) -> Perception:
-    """The perception map of a scan."""
+    """The perception map of a scan: obstacles at the ends of its beams, and open space along them.
+
+    Beams without return count as `parameters.no_return` says.
+    """
     nearest = scan.range_min if parameters.range_min is None else parameters.range_min
     farthest = scan.range_max if parameters.range_max is None else parameters.range_max
     farthest = min(farthest, FARTHEST)
-    open_ends = np.empty((0, 2))
+    open_ends = np.empty((0, 2))  # `ignore`
     if parameters.no_return == "clear":
         open_ends = scan.free_ends(farthest)
     mount = scan.mount.pose

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import chain, islice
 
 import numpy as np
 
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.scans.perception import FARTHEST, PerceptionParameters
 from mapcli.errors import DataError
+from mapcli.model.log import select
 from mapcli.model.perception import ScanPerception, Standpoint
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.scan import RangeScan, Record
 
 
 @dataclass(frozen=True, eq=False)
-class Cut:
-    """A scan, and where odometry says it was taken.
+class ExtractedScan:
+    """A scan of a log, and where odometry says it was taken.
 
     Attributes:
         scan: the scan; number: its place among the scans, counted from 0.
@@ -32,36 +34,52 @@ class Cut:
     first_odom: Pose2D | None
 
     def pose(self) -> Pose2D:
-        """The odometry's pose in the frame of the map, which starts at the first scan."""
+        """Of the robot by odometry, in the map, which starts at the first scan."""
         if self.odom is None or self.first_odom is None:
             return Pose2D()
         return self.first_odom.between(self.odom)
 
 
-def scan_at(records: Iterable[Record], start_ns: list[int], seconds: float) -> Cut:
-    """The scan nearest to a time after the log's start; of two, the earlier one.
+def extract_scan(
+    records: Iterable[Record],
+    seconds: float,
+    start_s: float | None = None,
+    end_s: float | None = None,
+    every: int = 1,
+) -> ExtractedScan:
+    """The scan nearest to a time after the log's first record; of two, the earlier one.
 
     Args:
-        records: a part of the log; start_ns: the stamp of its first record, from `noting_start`.
+        records: of the whole log, in stamp order.
+        start_s, end_s, every: which of its scans are considered, see `model.log.select`.
 
     Raises:
         DataError: the time is outside the log.
     """
-    best: Cut | None = None
+    records = iter(records)
+    first = list(islice(records, 1))
+    start_ns = first[0].stamp_ns if first else 0
+    return _nearest(select(chain(first, records), start_s, end_s, every), start_ns, seconds)
+
+
+def _nearest(records: Iterable[Record], start_ns: int, seconds: float) -> ExtractedScan:
+    best: ExtractedScan | None = None
     first: Pose2D | None = None
     last = 0.0
     for number, (scan, odom) in enumerate(odometry_at_scans(records)):
         first = odom if number == 0 else first
-        last = (scan.stamp_ns - start_ns[0]) * 1e-9
+        last = (scan.stamp_ns - start_ns) * 1e-9
         if best is None or abs(last - seconds) < abs(best.seconds - seconds):
-            best = Cut(scan, number, last, odom, first)
+            best = ExtractedScan(scan, number, last, odom, first)
         elif last > seconds:
             return best
     if best is None:
         raise DataError("no scan in the part asked for")
     if seconds > last + 1.0:
-        raise DataError(f"no scan at {seconds:g} s", expected=f"a time up to {last:.1f} s, where "
-                        "the last scan is")  # fmt: skip
+        raise DataError(
+            f"no scan at {seconds:g} s",
+            expected=f"a time up to {last:.1f} s, where the last scan is",
+        )
     return best
 
 
@@ -69,6 +87,9 @@ def scan_perception(
     scan: RangeScan, pose: Pose2D, parameters: PerceptionParameters | None = None
 ) -> ScanPerception:
     """A scan as a perception of kind `scan`; beams without a valid reading are left out.
+
+    Args:
+        pose: of the robot in the map, where it intended to be.
 
     Raises:
         DataError: not one beam is left.
@@ -91,11 +112,3 @@ def scan_perception(
         p.no_return,
         walls="ends",
     )
-
-
-def noting_start(records: Iterable[Record], start_ns: list[int]) -> Iterator[Record]:
-    """The records; the first one's stamp is put into `start_ns`."""
-    for record in records:
-        if not start_ns:
-            start_ns.append(record.stamp_ns)
-        yield record

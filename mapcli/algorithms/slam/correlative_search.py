@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.slam._kernels import branch_and_bound as kernels
 from mapcli.algorithms.slam._kernels.branch_and_bound import BestPose as BestPose
-from mapcli.algorithms.slam._kernels.branch_and_bound import PoseGrid as PoseGrid
-from mapcli.algorithms.slam._kernels.branch_and_bound import Prior as Prior
+from mapcli.algorithms.slam._kernels.window_scores import PoseGrid as PoseGrid
+from mapcli.algorithms.slam._kernels.window_scores import Prior as Prior
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.model.se2_uncertainty import StandardDeviations

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
-from mapcli.algorithms.slam._kernels.branch_and_bound import rotated_scans
-from mapcli.algorithms.slam._kernels.window_scores import score_shifts
+from mapcli.algorithms.slam._kernels.window_scores import rotated_scans, score_shifts
 from mapcli.algorithms.slam.agreement import FULL_SCORE, agreement
 from mapcli.algorithms.slam.correlative_search import (
     SearchWindow,

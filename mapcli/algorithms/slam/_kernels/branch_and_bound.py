@@ -1,21 +1,25 @@
 """Correlative scan matching: the pose in a window at which a scan fits the map best, by branch and
 bound on max-pooled likelihood fields (Olson 2009; Hess et al. 2016, Sect. V-B).
 
-A pose of the window is (du, dv, turn): cells and whole steps of the heading away from the pose at
-its middle, which is (u, v, theta) in cells and radians. Points are in the robot's frame, in cells.
-Callers see to it that every point of every pose in the window, and the width of the coarsest level
-beyond it, lie inside the arrays.
+Poses and points are those of `window_scores`. Callers see to it that every point of every pose in
+the window, and the width of the coarsest level beyond it, lie inside the arrays.
 """
 
 from __future__ import annotations
 
-from math import cos, floor, sin
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.compiling import kernel
+from mapcli.algorithms.slam._kernels.window_scores import (
+    PoseGrid,
+    Prior,
+    penalty,
+    rotate_scan,
+    sum_of_field,
+)
 
 
 class FieldLevels(NamedTuple):
@@ -33,38 +37,6 @@ class FieldLevels(NamedTuple):
     widths: NDArray[np.int64]
     columns: int
     top: int
-
-
-class PoseGrid(NamedTuple):
-    """The poses of a window that are tried.
-
-    Attributes:
-        reach: half-width of the window in cells, along both axes.
-        turns: half-width in steps of the heading.
-        stride: cells between positions.
-        turn_step: radians between headings.
-    """
-
-    reach: int
-    turns: int
-    stride: int
-    turn_step: float
-
-
-class Prior(NamedTuple):
-    """What a pose loses by being away from the middle of the window: rising at first, level far
-    away (Geman and McClure's robust kernel), for shift and turn each.
-
-    Attributes:
-        most: the most that either costs.
-        half_at: squared standard deviations that cost half of it: the kernel's squared scale.
-        per_cell, per_turn: squared standard deviations for a squared cell, and a squared step.
-    """
-
-    most: float
-    half_at: float
-    per_cell: float
-    per_turn: float
 
 
 class BestPose(NamedTuple):
@@ -184,55 +156,6 @@ def branch(
     """`open_nodes` for a call from Python, in and out with fields of the records."""
     levels_, poses_, prior_ = FieldLevels(*levels), PoseGrid(*poses), Prior(*prior)
     return open_nodes(levels_, scans, poses_, prior_, Queue(*queue), stack, BestPose(*best))[:5]
-
-
-def rotated_scans(
-    points: NDArray[np.float64],
-    middle: NDArray[np.float64],
-    turns: int,
-    turn_step: float,
-    columns: int,
-) -> NDArray[np.int64]:
-    """Where the points fall at `middle` after each turn, as flat indices: (2 turns + 1, n)."""
-    scans = np.empty((2 * turns + 1, len(points)), np.int64)
-    rotate_scan(points, middle, turn_step, columns, scans)
-    return scans
-
-
-@kernel
-def rotate_scan(
-    points: NDArray[np.float64],
-    middle: NDArray[np.float64],
-    turn_step: float,
-    columns: int,
-    scans: NDArray[np.int64],
-) -> None:
-    """Fill `scans` with what `rotated_scans` returns."""
-    turns = len(scans) // 2
-    for k in range(len(scans)):
-        theta = middle[2] + (k - turns) * turn_step
-        c, s = cos(theta), sin(theta)
-        for p in range(len(points)):
-            u = middle[0] + c * points[p, 0] - s * points[p, 1]
-            v = middle[1] + s * points[p, 0] + c * points[p, 1]
-            scans[k, p] = floor(v) * columns + floor(u)
-
-
-@kernel
-def penalty(squared_cells: float, squared_turns: float, prior: Prior) -> float:
-    """What a pose loses by being so far from the middle of the window; see `Prior`."""
-    a, b = squared_cells * prior.per_cell, squared_turns * prior.per_turn
-    return prior.most * (a / (prior.half_at + a) + b / (prior.half_at + b))
-
-
-@kernel
-def sum_of_field(field: NDArray[np.uint8], scan: NDArray[np.int64], offset: int) -> int:
-    """Sum of the field at the points. (A loop so plain that it compiles to four loads at a time;
-    looking now and then whether the rest can still win made it three times slower.)"""
-    score = 0
-    for p in range(len(scan)):
-        score += field[scan[p] + offset]
-    return score
 
 
 @kernel

@@ -12,36 +12,12 @@ from numpy.typing import NDArray
 from support.walls import MIDDLE, SIZE, Floats, fields_of, place, scan_around, walls
 
 from mapcli.algorithms.slam._kernels import branch_and_bound as kernels
-from mapcli.algorithms.slam._kernels.branch_and_bound import BestPose, FieldLevels, PoseGrid, Prior
+from mapcli.algorithms.slam._kernels.branch_and_bound import BestPose, FieldLevels
+from mapcli.algorithms.slam._kernels.window_scores import PoseGrid, Prior
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
 
 SEEDS = st.integers(0, 2**32 - 1)
 FEW = settings(deadline=None, max_examples=40)
-
-# --- the penalty
-
-
-@FEW
-@given(
-    st.integers(0, 10**6),
-    st.integers(0, 10**4),
-    st.builds(Prior, st.floats(0, 1e5), st.floats(0.1, 100), st.floats(0, 10), st.floats(0, 10)),
-)
-def test_penalty_as_its_twin(shift: int, turn: int, prior: Prior) -> None:
-    most, half_at, per_cell, per_turn = prior
-    by_shift = shift * per_cell / (half_at + shift * per_cell)
-    by_turn = turn * per_turn / (half_at + turn * per_turn)
-    assert kernels.penalty(shift, turn, prior) == pytest.approx(most * (by_shift + by_turn))
-
-
-def test_penalty_by_hand() -> None:
-    prior = Prior(100.0, 9.0, 0.25, 0.5)
-    assert kernels.penalty(0, 0, prior) == 0
-    assert kernels.penalty(36, 0, prior) == 50  # 6 cells, 3 standard deviations: half of the most
-    assert kernels.penalty(0, 18, prior) == 50
-    assert kernels.penalty(36, 18, prior) == 100
-    assert 199.9 < kernels.penalty(10**9, 10**9, prior) < 200  # level far away
-    assert kernels.penalty(36, 18, Prior(0.0, 9.0, 0.25, 0.5)) == 0
 
 
 def test_nearest_in_as_its_twin() -> None:
@@ -49,19 +25,6 @@ def test_nearest_in_as_its_twin() -> None:
         for width in range(1, 18):
             nearest = min(abs(x) for x in range(low, low + width))
             assert kernels.nearest_in(low, width) == nearest
-
-
-def test_sum_of_field_as_its_twin() -> None:
-    rng = np.random.default_rng(0)
-    field = rng.integers(0, 256, 500).astype(np.uint8)
-    for n in (0, 1, 3, 4, 5, 64, 1001):
-        scan = rng.integers(50, 450, n)
-        for offset in (-50, 0, 49):
-            expected = sum(int(field[p + offset]) for p in scan)
-            assert kernels.sum_of_field(field, scan, offset) == expected
-
-
-# --- search
 
 
 def score_at(
