@@ -49,8 +49,8 @@ def _compared(evaluation: Evaluation) -> str:
     things = {"trajectory": "poses", "relations": "relations", "self-check": "pairs of scans"}
     text = f"{evaluation.matched:,} of {evaluation.total:,} {things[evaluation.kind]}"
     if evaluation.overlap_s is not None:
-        return f"{text}, {evaluation.how}; {evaluation.overlap_s:,.1f} s in common"
-    return f"{text}; {evaluation.how}"
+        return f"{text}, {evaluation.association}; {evaluation.overlap_s:,.1f} s in common"
+    return f"{text}; {evaluation.association}"
 
 
 def _title(measure: str, parameters: EvaluateParameters) -> str:

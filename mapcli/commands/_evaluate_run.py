@@ -10,8 +10,9 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.evaluation.relations import evaluate_relations
-from mapcli.algorithms.evaluation.trajectory_error import EvaluateParameters, compare
+from mapcli.algorithms.evaluation.evaluate import Reference, evaluate
+from mapcli.algorithms.evaluation.relations import odometry_of
+from mapcli.algorithms.evaluation.trajectory_error import EvaluateParameters
 from mapcli.commands._evaluate_report import described
 from mapcli.commands._log_options import LogInput, say_notes
 from mapcli.errors import MapcliError
@@ -20,7 +21,7 @@ from mapcli.formats.documents.trajectories import load_trajectory
 from mapcli.formats.logs.open_log import Log
 from mapcli.model.counting import counted
 from mapcli.model.evaluation import Evaluation, Kind
-from mapcli.model.scan import Odometry, Record
+from mapcli.model.scan import Record
 from mapcli.model.trajectory import Trajectory
 
 
@@ -69,44 +70,34 @@ class EvaluateRun:
         """
         trace = self._load(self.files.trace, None)
         try:
-            if self.files.self_check is not None:
-                return self._self_check(trace, self.files.self_check)
-            if self.files.kind == "relations":
-                return self._relations(trace, str(self.files.reference))
-            return self._trajectory(trace, str(self.files.reference))
+            reference = self._reference()
+            odometry = None if self.files.odometry is None else self._odometry(self.files.odometry)
+            return evaluate(trace, reference, self.parameters, odometry=odometry)
         except MapcliError as error:
             error.file = error.file or self.files.trace
             raise
 
-    def _trajectory(self, trace: Trajectory, reference: str) -> Evaluation:
-        truth = self._load(reference, self.topic)
-        self.against = f"{reference}: {described(truth)}"
-        return compare(trace, truth, self.parameters)
-
-    def _relations(self, trace: Trajectory, reference: str) -> Evaluation:
-        relations = load_relations(reference)
-        self.digests[Path(reference).name] = hashlib.sha256(
-            Path(reference).read_bytes()
-        ).hexdigest()
-        self.against = f"{reference}: {counted(len(relations), 'relations')}"
-        odometry = None if self.files.odometry is None else self._odometry(self.files.odometry)
-        return evaluate_relations(trace, relations, odometry)
-
-    def _self_check(self, trace: Trajectory, name: str) -> Evaluation:
-        from mapcli.algorithms.evaluation.self_check import self_check
-
-        self.against = f"{name}: its own closed loops"
-        return self_check(trace, self._records(name))
+    def _reference(self) -> Reference:
+        """What the trace is held against, loaded."""
+        if self.files.self_check is not None:
+            self.against = f"{self.files.self_check}: its own closed loops"
+            return self._records(self.files.self_check)
+        name = str(self.files.reference)
+        if self.files.kind == "relations":
+            relations = load_relations(name)
+            self.digests[Path(name).name] = hashlib.sha256(Path(name).read_bytes()).hexdigest()
+            self.against = f"{name}: {counted(len(relations), 'relations')}"
+            return relations
+        truth = self._load(name, self.topic)
+        self.against = f"{name}: {described(truth)}"
+        return truth
 
     def _odometry(self, name: str) -> Trajectory:
-        """All odometry of a log."""
-        import numpy as np
-
-        readings = [record for record in self._records(name) if isinstance(record, Odometry)]
-        if not readings:
-            raise MapcliError("has no odometry", file=name)
-        poses = np.array([(r.pose.x, r.pose.y, r.pose.theta) for r in readings])
-        return Trajectory(poses, np.array([r.stamp_ns for r in readings], dtype=np.int64))
+        try:
+            return odometry_of(self._records(name))
+        except MapcliError as error:
+            error.file = error.file or name
+            raise
 
     def _records(self, name: str) -> Iterable[Record]:
         """The records of a log, which is opened at once."""

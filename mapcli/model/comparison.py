@@ -91,4 +91,4 @@ def _metres(distances: NDArray[np.float64], statistic: Any) -> float | None:
 LIMIT_FIELDS = tuple(
     Comparison(np.zeros((3, 3), np.int64), 1.0, np.empty(0), np.empty(0)).document()
 )
-"""What `--fail-if` can be about."""
+"""The numbers that limits may be set on."""

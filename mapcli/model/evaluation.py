@@ -1,4 +1,4 @@
-"""How far a trajectory is from a reference: what `mapcli evaluate` finds, and limits on it."""
+"""The errors of a trajectory against a reference, their statistics, and limits on them."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ STATISTICS = ("rmse", "mean", "median", "std", "min", "max")
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """What is left between poses or motions that should be the same, one by one.
+    """Residuals between poses, or relative poses, that should be the same, one by one.
 
     Attributes:
-        metres: shape (n,), lengths of the translations that are left.
-        degrees: shape (n,), absolute values of the rotations that are left.
+        metres: shape (n,), lengths of the residual translations.
+        degrees: shape (n,), absolute values of the residual rotations.
         seconds: shape (n,), when, after the trace's first pose (its index where there are no
             times).
     """
@@ -85,7 +85,7 @@ class Evaluation:
         errors: measure -> errors: `ate` and `rpe`; or `relations`; or `self_check`.
         matched, total: poses (or relations, or pairs of scans) that could be compared, of those
             there are.
-        how: how poses were associated, or times bridged; for people.
+        association: how poses were associated, or gaps between stamps bridged; for people.
         trace: the trace, aligned to the reference where that is a trajectory.
         reference: the reference's poses at those of the trace that have one; None where it is not
             a trajectory.
@@ -98,7 +98,7 @@ class Evaluation:
     errors: Mapping[str, Errors]
     matched: int
     total: int
-    how: str
+    association: str
     trace: Trajectory
     reference: Trajectory | None = None
     relations: Relations | None = None
@@ -118,7 +118,7 @@ class Evaluation:
 
 
 def limit_fields(kind: Kind) -> tuple[str, ...]:
-    """What `--fail-if` can be about, against a reference of this kind."""
+    """The numbers that limits may be set on, against a reference of this kind."""
     fields = ["matched", "total", "matched_share"]
     for measure in MEASURES[kind]:
         fields += [f"{measure}_{name}" for name in STATISTICS]

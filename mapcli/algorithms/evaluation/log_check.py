@@ -1,4 +1,4 @@
-"""A check-up of a log before mapping: what its scans and odometry are like, and what is odd."""
+"""The quality of a log before mapping: timing of scans and odometry, gaps, jumps, repetitions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mapcli.model.pose import wrap_angle
 from mapcli.model.scan import Odometry, RangeScan, Record
 
 GAP_PERIODS = 5.0
-"""A gap is more than this many usual periods..."""
+"""A gap is longer than this many periods (the longer of median and mean)..."""
 GAP_S = 1.0
 """...and more than this, seconds."""
 
@@ -26,12 +26,12 @@ SHORTEST_STEP_S = 0.1
 
 @dataclass(frozen=True)
 class Timing:
-    """How regularly records come.
+    """The timing of records of one kind.
 
     Attributes:
         count, first_ns, last_ns: records, and their stamps.
-        period_s: usual time between two (median); 0 for fewer than two.
-        gaps: times without records that are much longer than usual.
+        period_s: median time between two; 0 for fewer than two.
+        gaps: times without records, much longer than the period.
         longest_gap_s, longest_gap_at_s: the longest of them, and when it starts, counted from
             the log's first record; 0 without gaps.
         same_stamps: records with the stamp of the one before.
@@ -49,19 +49,19 @@ class Timing:
 
 @dataclass(frozen=True)
 class LogCheck:
-    """What a log is like (all in metres, seconds and radians).
+    """The quality of a log, in metres, seconds and radians.
 
     Attributes:
         start_ns, end_ns: stamps of the first and the last record.
         scans, odometry: their timing.
         beams: fewest and most beams of a scan.
         bearings: least and greatest bearing in the laser's frame.
-        range_limits: least and greatest limit that the scans tell.
-        repeated_scans: scans with the very ranges of the one before.
+        range_limits: least `range_min` and greatest `range_max` of the scans.
+        repeated_scans: scans with the same ranges as the one before.
         scans_outside_odometry: scans before the first or after the last odometry.
-        distance_m: length of the way by odometry.
-        turned_rad: sum of all turns by odometry.
-        jumps: steps of the odometry that no robot makes.
+        distance_m: length of the path by odometry, without jumps.
+        turned_rad: sum of all turns by odometry, without jumps.
+        jumps: steps of the odometry faster than any robot that maps floor plans.
         first_jump_at_s: when, counted from the first record; None without jumps.
     """
 
@@ -80,8 +80,8 @@ class LogCheck:
     first_jump_at_s: float | None
 
 
-class _Checking:
-    """Looks at records one by one; keeps eight bytes of each (stateful)."""
+class _LogFacts:
+    """Gathers the facts of records one by one; keeps eight bytes of each (stateful)."""
 
     def __init__(self) -> None:
         self.start: int | None = None
@@ -124,15 +124,15 @@ class _Checking:
         last, self._last_odometry = self._last_odometry, odometry
         if last is None:
             return
-        way = last.pose.distance(odometry.pose)
+        distance = last.pose.distance(odometry.pose)
         turn = abs(wrap_angle(odometry.pose.theta - last.pose.theta))
         time = max((odometry.stamp_ns - last.stamp_ns) * 1e-9, SHORTEST_STEP_S)
-        if way > FASTEST_M_S * time or turn > FASTEST_RAD_S * time:
+        if distance > FASTEST_M_S * time or turn > FASTEST_RAD_S * time:
             self.jumps += 1
             if self.first_jump_at_s is None:
                 self.first_jump_at_s = (odometry.stamp_ns - (self.start or 0)) * 1e-9
         else:
-            self.distance += way
+            self.distance += distance
             self.turned += turn
 
     def result(self) -> LogCheck:
@@ -159,15 +159,15 @@ class _Checking:
 
 
 def check_log(records: Iterable[Record]) -> LogCheck:
-    """Look a log over.
+    """Check the scans and the odometry of a log.
 
     Args:
         records: in stamp order; read once, never held.
     """
-    checking = _Checking()
+    facts = _LogFacts()
     for record in records:
-        checking.add(record)
-    return checking.result()
+        facts.add(record)
+    return facts.result()
 
 
 def _timing(stamps: NDArray[np.int64], start_ns: int) -> Timing:
@@ -176,9 +176,9 @@ def _timing(stamps: NDArray[np.int64], start_ns: int) -> Timing:
     first, last = int(stamps[0]), int(stamps[-1])
     steps = np.diff(stamps) * 1e-9
     period = float(np.median(steps)) if len(steps) else 0.0
-    # Where stamps come in bursts, the mean says more about what is usual than the median.
-    usual = max(period, (last - first) * 1e-9 / max(len(steps), 1))
-    gaps = np.flatnonzero(steps > max(GAP_PERIODS * usual, GAP_S))
+    # Where stamps come in bursts, the mean says more about the period than the median.
+    longer = max(period, (last - first) * 1e-9 / max(len(steps), 1))
+    gaps = np.flatnonzero(steps > max(GAP_PERIODS * longer, GAP_S))
     longest, at = 0.0, 0.0
     if len(gaps):
         widest = gaps[np.argmax(steps[gaps])]

@@ -1,4 +1,4 @@
-"""How good a trajectory is, by relations between its poses that were measured otherwise.
+"""The error of a trajectory by relations between its poses that were measured otherwise.
 
 These are the relations of Kuemmerle et al. 2009, "On measuring the accuracy of SLAM algorithms":
 they need no alignment and do not care where an error happened. Their numbers are mean and
@@ -7,11 +7,14 @@ standard deviation of the translation and of the rotation that are left.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from mapcli.errors import DataError
 from mapcli.model.counting import counted
-from mapcli.model.evaluation import Errors, Evaluation, Kind
+from mapcli.model.evaluation import Errors, Evaluation
+from mapcli.model.scan import Odometry, Record
 from mapcli.model.trajectory import (
     Poses,
     Relations,
@@ -22,7 +25,7 @@ from mapcli.model.trajectory import (
     interpolated,
 )
 
-SLACK_NS = 200
+STAMP_ROUNDING_NS = 200
 """Relations name stamps of the log with microseconds; less than half of one is rounding."""
 
 
@@ -30,7 +33,6 @@ def evaluate_relations(
     trace: Trajectory,
     relations: Relations,
     odometry: Trajectory | None = None,
-    kind: Kind = "relations",
 ) -> Evaluation:
     """What is left between measured relations and those between the trace's poses.
 
@@ -44,30 +46,47 @@ def evaluate_relations(
     stamps = trace.stamps_ns
     if stamps is None:
         raise DataError("the trace has no times", expected="times, to find the relations' poses by")
-    inside = [
-        (t >= stamps[0] - SLACK_NS) & (t <= stamps[-1] + SLACK_NS)
-        for t in (relations.from_ns, relations.to_ns)
-    ]
-    used = np.flatnonzero(inside[0] & inside[1])
-    if not len(used):
+    kept = _covered(relations, stamps)
+    if not len(kept):
         raise DataError(
             f"covers none of {counted(len(relations), 'relations')}: it has {trace.span()}",
             expected="a trace of the log that the relations belong to",
         )
-    kept = Relations(relations.from_ns[used], relations.to_ns[used], relations.poses[used])
     found = between(poses_at(kept.from_ns, trace, odometry), poses_at(kept.to_ns, trace, odometry))
     seconds = (np.maximum(kept.from_ns, kept.to_ns) - stamps[0]) * 1e-9
-    measure = "relations" if kind == "relations" else "self_check"
     bridged = "interpolated" if odometry is None else "the last one carried on by odometry"
     return Evaluation(
-        kind=kind,
-        errors={measure: Errors.of(kept.poses, found, seconds)},
-        matched=len(used),
+        kind="relations",
+        errors={"relations": Errors.of(kept.poses, found, seconds)},
+        matched=len(kept),
         total=len(relations),
-        how=f"between the trace's poses: {bridged}",
+        association=f"between the trace's poses: {bridged}",
         trace=trace,
         relations=kept,
     )
+
+
+def _covered(relations: Relations, stamps: Stamps) -> Relations:
+    """The relations whose both moments lie within the stamps of a trace."""
+    inside = [
+        (t >= stamps[0] - STAMP_ROUNDING_NS) & (t <= stamps[-1] + STAMP_ROUNDING_NS)
+        for t in (relations.from_ns, relations.to_ns)
+    ]
+    used = np.flatnonzero(inside[0] & inside[1])
+    return Relations(relations.from_ns[used], relations.to_ns[used], relations.poses[used])
+
+
+def odometry_of(records: Iterable[Record]) -> Trajectory:
+    """All odometry of a log, in the odometry's frame.
+
+    Raises:
+        DataError: there is none.
+    """
+    readings = [record for record in records if isinstance(record, Odometry)]
+    if not readings:
+        raise DataError("has no odometry")
+    poses = np.array([(r.pose.x, r.pose.y, r.pose.theta) for r in readings])
+    return Trajectory(poses, np.array([r.stamp_ns for r in readings], dtype=np.int64))
 
 
 def poses_at(moments: Stamps, trace: Trajectory, odometry: Trajectory | None) -> Poses:
@@ -76,6 +95,6 @@ def poses_at(moments: Stamps, trace: Trajectory, odometry: Trajectory | None) ->
         return interpolated(moments, trace)
     stamps = trace.stamps_ns
     assert stamps is not None, "a trace with times"
-    last = np.maximum(np.searchsorted(stamps, moments + SLACK_NS, side="right") - 1, 0)
+    last = np.maximum(np.searchsorted(stamps, moments + STAMP_ROUNDING_NS, side="right") - 1, 0)
     since = between(interpolated(stamps[last], odometry), interpolated(moments, odometry))
     return compose(trace.poses[last], since)

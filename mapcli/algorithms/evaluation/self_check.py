@@ -1,10 +1,12 @@
-"""Relations out of a log's own closed loops: how consistent a trace is where no truth is known.
+"""Relations from pairs of scans at places visited twice: the consistency of a trace without ground
+truth.
 
-Where the robot came back to a place, two scans see the same walls. Aligned one against the other,
-with nothing of the map between, they measure the motion from one visit to the other; the trace
-only tells which scans to compare and around where to look. What cannot be told for certain (too
-little in common, a corridor to slide along, another answer when the two change roles) is left
-out. A trace that is torn by more than the window has no such pairs, which shows in their number.
+Where the robot came back to a place, two scans see the same walls. Scan-to-scan matching, with
+nothing of the map between, measures the motion from one visit to the other; the trace only says
+which scans to match and the centre of the search window. Uncertain matches are left out: too
+little overlap, an unconstrained direction (a corridor), or another result when the two scans change
+roles. A trace that is inconsistent by more than the window has no such pairs, which shows in their
+number.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ SAME_STAMP_S = 0.001
 
 @dataclass(frozen=True)
 class SelfCheckParameters:
-    """Which pairs of scans are compared, and when their alignment is believed.
+    """Which pairs of scans are matched, and when a match is accepted.
 
     Attributes:
         near_m: positions of a pair are at most so far from each other in the trace, metres.
@@ -51,8 +53,8 @@ class SelfCheckParameters:
         agreement: of the one scan with the other where both look, 0 to 1, at least.
         shared: of the points of each scan, the share that falls where the other looked, at least.
         reverse_m, reverse_deg: how far the two ways to align a pair may differ.
-        slide_m: the agreement must fall by `slide_loss` when a scan is shifted so far, whichever
-            way; in a corridor it does not.
+        slide_m: the agreement must fall by `slide_loss` when a scan is shifted so far in any
+            direction; in a corridor, an unconstrained direction, it does not.
     """
 
     near_m: float = 2.0
@@ -69,7 +71,7 @@ class SelfCheckParameters:
 
 
 MAP = MapParameters(blur=0.1)
-"""A scan alone is a thin map; a wider slope around its walls lets the refinement find them."""
+"""The map of one scan is thin; a wider likelihood field lets the refinement find its walls."""
 
 
 def self_check(
@@ -92,14 +94,20 @@ def self_check(
             expected="a trace with closed loops",
         )
     scans = _scans_of(trace, records, sorted({k for pair in pairs for k in pair}))
-    measured = {pair: found for pair in pairs if (found := _aligned(trace, scans, pair, p))}
+    measured = {pair: found for pair in pairs if (found := _relation(trace, scans, pair, p))}
     if not measured:
         raise DataError(
             f"none of the {len(pairs)} pairs of scans at places visited twice can be aligned",
             expected="scans that see the same walls, and a trace that is right by 2 m there",
         )
-    evaluation = evaluate_relations(trace, _relations(trace, measured), kind="self-check")
-    return replace(evaluation, total=len(pairs), how="those that can be aligned for certain")
+    evaluation = evaluate_relations(trace, _relations(trace, measured))
+    return replace(
+        evaluation,
+        kind="self-check",
+        errors={"self_check": evaluation.errors["relations"]},
+        total=len(pairs),
+        association="those that can be aligned for certain",
+    )
 
 
 def revisited_pairs(trace: Trajectory, parameters: SelfCheckParameters) -> list[Pair]:
@@ -111,26 +119,26 @@ def revisited_pairs(trace: Trajectory, parameters: SelfCheckParameters) -> list[
     if trace.stamps_ns is None:
         raise DataError("the trace has no times", expected="times, to find its scans by")
     p, poses, driven = parameters, trace.poses, trace.driven()
-    alone, pairs = _alone(trace.stamps_ns), []
-    for later in np.flatnonzero(alone)[:: max(len(trace) // 2000, 1)].tolist():
+    single, pairs = _has_own_stamp(trace.stamps_ns), []
+    for later in np.flatnonzero(single)[:: max(len(trace) // 2000, 1)].tolist():
         earlier = int(np.searchsorted(driven, driven[later] - p.apart_m, side="right"))
         distance = np.hypot(*(poses[:earlier, :2] - poses[later, :2]).T)
         # A scanner that looks ahead sees the same walls only when it faces the same way.
         turn = np.abs(wrap_angles(poses[:earlier, 2] - poses[later, 2]))
-        cost = np.where(alone[:earlier] & (distance <= p.near_m), distance + turn, np.inf)
+        cost = np.where(single[:earlier] & (distance <= p.near_m), distance + turn, np.inf)
         if earlier and np.isfinite(cost).any():
             pairs.append((int(np.argmin(cost)), later))
     chosen = np.linspace(0, len(pairs) - 1, min(p.most, len(pairs))).round().astype(int)
     return [pairs[k] for k in dict.fromkeys(chosen.tolist())]
 
 
-def _alone(stamps: Stamps) -> NDArray[np.bool_]:
-    """Which poses no other has nearly the stamp of: only of these the scan is known."""
-    alone = np.ones(len(stamps), dtype=np.bool_)
+def _has_own_stamp(stamps: Stamps) -> NDArray[np.bool_]:
+    """Which poses share their stamp with no other: only of these the scan is known."""
+    single = np.ones(len(stamps), dtype=np.bool_)
     near = np.diff(stamps) <= 2e9 * SAME_STAMP_S
-    alone[1:] &= ~near
-    alone[:-1] &= ~near
-    return alone
+    single[1:] &= ~near
+    single[:-1] &= ~near
+    return single
 
 
 def _scans_of(
@@ -163,16 +171,17 @@ def _relations(trace: Trajectory, measured: Mapping[Pair, Pose2D]) -> Relations:
     return Relations(trace.stamps_ns[pairs[:, 0]], trace.stamps_ns[pairs[:, 1]], poses)
 
 
-def _aligned(
+def _relation(
     trace: Trajectory, scans: Mapping[int, Perception], pair: Pair, p: SelfCheckParameters
 ) -> Pose2D | None:
-    """The later scan's pose as seen from the earlier's; None if it cannot be told for certain."""
+    """The pose of the later scan in the frame of the earlier; None if the match is uncertain or the
+    two directions of matching differ."""
     earlier, later = pair
     if earlier not in scans or later not in scans:
         return None
     a, b = (Pose2D(*map(float, trace.poses[k])) for k in pair)
-    forth = align(scans[earlier], scans[later], a.between(b), p)
-    back = align(scans[later], scans[earlier], b.between(a), p)
+    forth = align_scans(scans[earlier], scans[later], a.between(b), p)
+    back = align_scans(scans[later], scans[earlier], b.between(a), p)
     if forth is None or back is None:
         return None
     back = back.inverse()
@@ -182,15 +191,15 @@ def _aligned(
     return interpolate(forth, back, 0.5)
 
 
-def align(
+def align_scans(
     base: Perception, scan: Perception, guess: Pose2D, p: SelfCheckParameters
 ) -> Pose2D | None:
-    """The pose of `scan` in the frame of `base` by their beams alone; None if it is in doubt."""
+    """Scan-to-scan matching: the pose of `scan` in the frame of `base`; None if uncertain."""
     points = thinned(scan.hits, MAP.resolution)
     if len(points) < MIN_POINTS or len(base.hits) < MIN_POINTS:
         return None
     grid = OccupancyGrid(MAP)
-    grid.integrate(Pose2D(), replace(base, hits=dense(base.hits, MAP.resolution)))
+    grid.integrate(Pose2D(), replace(base, hits=densified(base.hits, MAP.resolution)))
     # No prior: the guess is where to look, not what to believe.
     search = MatchParameters(
         window_xy=p.window_m, window_theta_deg=p.window_deg, odometry_prior=0.0, relocalise=False
@@ -204,15 +213,15 @@ def align(
     )
     enough = match.known_points >= p.shared * len(points) and match.score >= p.agreement
     inside = guess.distance(match.pose) < p.window_m
-    if not (match.found and enough and inside and _is_sharp(grid, points, match.pose, p)):
+    if not (match.found and enough and inside and _is_constrained(grid, points, match.pose, p)):
         return None
     return match.pose
 
 
-def _is_sharp(
+def _is_constrained(
     grid: OccupancyGrid, points: NDArray[np.float64], pose: Pose2D, p: SelfCheckParameters
 ) -> bool:
-    """Whether the scan fits worse wherever it is shifted."""
+    """Whether the agreement falls in every direction in which the scan is shifted."""
     cell, start = grid.parameters.resolution, grid.pose_to_cells(pose)
     best = agreement(grid, points / cell, start).score
     for direction in np.arange(8) * (math.tau / 8):
@@ -222,7 +231,7 @@ def _is_sharp(
     return True
 
 
-def dense(points: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+def densified(points: NDArray[np.float64], step: float) -> NDArray[np.float64]:
     """Points with others put between neighbours that are on the same wall, `step` apart.
 
     Far walls are hit at intervals larger than a cell; the other scan hits them in between.

@@ -1,4 +1,4 @@
-"""How good a trajectory is: ATE and RPE against a reference.
+"""ATE and RPE of a trajectory against a reference trajectory.
 
 ATE (absolute trajectory error) and RPE (relative pose error) are those of Sturm et al. 2012, "A
 benchmark for the evaluation of RGB-D SLAM systems", with the same definitions as the tool evo, so
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +38,8 @@ class EvaluateParameters:
         max_diff_s: poses whose stamps differ by no more are taken at the same moment.
         interpolate_s: if set, the reference is interpolated at the stamps of the trace instead,
             between poses that are no more seconds apart than this.
-        delta: RPE compares motions over so many
-        delta_unit: `f` poses, or `m` metres along the trace's path.
+        delta: RPE compares motions over so many poses or metres.
+        delta_unit: `f` for poses (frames), or `m` for metres along the trace's path.
     """
 
     max_diff_s: float = 0.01
@@ -47,19 +48,33 @@ class EvaluateParameters:
     delta_unit: str = "f"
 
 
-DEFAULTS = EvaluateParameters()
+class Association(NamedTuple):
+    """Which poses of a trace and of its reference are of the same moment.
+
+    Attributes:
+        truth: the reference's poses, shape (n, 3).
+        mine: indices of the trace's poses, shape (n,).
+        total: how many there could be at most.
+        method: how they were associated; for people.
+    """
+
+    truth: Poses
+    mine: Indices
+    total: int
+    method: str
 
 
-def compare(
-    trace: Trajectory, reference: Trajectory, parameters: EvaluateParameters = DEFAULTS
+def evaluate_trajectory(
+    trace: Trajectory, reference: Trajectory, parameters: EvaluateParameters | None = None
 ) -> Evaluation:
     """ATE after the best rigid alignment in the plane, without scaling; and RPE.
 
     Raises:
         DataError: fewer than two poses can be compared, or no two that are `delta` apart.
     """
-    theirs, mine, how, total = _associated(trace, reference, parameters)
-    truth, found = theirs, trace.poses[mine]
+    parameters = parameters or EvaluateParameters()
+    truth, mine, total, method = associate(trace, reference, parameters)
+    found = trace.poses[mine]
     motion = rigid_alignment(found[:, :2], truth[:, :2])
     aligned, seconds = moved(found, motion), trace.seconds()[mine]
     first, second = rpe_pairs(found, parameters)
@@ -72,7 +87,7 @@ def compare(
         errors={"ate": Errors.of(truth, aligned, seconds), "rpe": rpe},
         matched=len(mine),
         total=total,
-        how=how,
+        association=method,
         trace=Trajectory(moved(trace.poses, motion), trace.stamps_ns),
         reference=Trajectory(truth, stamps),
         aligned=motion,
@@ -80,13 +95,14 @@ def compare(
     )
 
 
-def _associated(
+def associate(
     trace: Trajectory, reference: Trajectory, parameters: EvaluateParameters
-) -> tuple[Poses, Indices, str, int]:
-    """Poses of the reference, indices of the trace's poses that they belong to, how, of how many.
+) -> Association:
+    """Associate poses by nearest stamps, by interpolation of the reference, or by index where
+    either has no times.
 
     Raises:
-        DataError: fewer than two.
+        DataError: fewer than two poses.
     """
     if trace.stamps_ns is None or reference.stamps_ns is None:
         if len(trace) != len(reference):
@@ -96,20 +112,21 @@ def _associated(
                 expected="equally many",
             )
         every = np.arange(len(trace))
-        theirs, mine, how, total = reference.poses, every, "by index", len(trace)
+        found = Association(reference.poses, every, len(trace), "by index")
     elif parameters.interpolate_s is not None:
         gap = parameters.interpolate_s
         mine = within_gaps(trace.stamps_ns, reference.stamps_ns, gap)
-        theirs = interpolated(trace.stamps_ns[mine], reference)
-        how, total = f"reference interpolated over at most {gap:g} s", len(trace)
+        truth = interpolated(trace.stamps_ns[mine], reference)
+        method = f"reference interpolated over at most {gap:g} s"
+        found = Association(truth, mine, len(trace), method)
     else:
         mine, other = nearest_stamps(trace.stamps_ns, reference.stamps_ns, parameters.max_diff_s)
-        theirs = reference.poses[other]
-        how = f"by stamps at most {parameters.max_diff_s:g} s apart"
+        method = f"by stamps at most {parameters.max_diff_s:g} s apart"
         total = min(len(trace), len(reference))
-    if len(mine) < 2:
-        raise _no_match(trace, reference, len(mine), how)
-    return theirs, mine, how, total
+        found = Association(reference.poses[other], mine, total, method)
+    if len(found.mine) < 2:
+        raise _no_match(trace, reference, found)
+    return found
 
 
 def _overlap_s(trace: Trajectory, reference: Trajectory) -> float | None:
@@ -120,13 +137,14 @@ def _overlap_s(trace: Trajectory, reference: Trajectory) -> float | None:
     return (min(int(trace.stamps_ns[-1]), int(reference.stamps_ns[-1])) - start) * 1e-9
 
 
-def _no_match(trace: Trajectory, reference: Trajectory, matched: int, how: str) -> DataError:
+def _no_match(trace: Trajectory, reference: Trajectory, found: Association) -> DataError:
+    matched = len(found.mine)
     if trace.stamps_ns is None or reference.stamps_ns is None:
         return DataError(f"only {counted(matched, 'poses')} to compare", expected="at least two")
     return DataError(
-        f"{counted(matched, 'poses')} matched {how}: the trace has {trace.span()}, "
+        f"{counted(matched, 'poses')} matched {found.method}: the trace has {trace.span()}, "
         f"the reference {reference.span()}",
-        expected="at least two, from one recording and one clock (--max-diff, --interpolate)",
+        expected="at least two, of one recording and clock, or stamps that may differ by more",
     )
 
 
@@ -190,7 +208,7 @@ def rpe_pairs(poses: Poses, parameters: EvaluateParameters) -> tuple[Indices, In
         raise DataError(
             f"no two poses are {parameters.delta:g} "
             f"{'poses' if parameters.delta_unit == 'f' else 'm'} apart",
-            expected="a smaller --delta",
+            expected="a smaller distance for the RPE",
         )
     return chosen[:-1], chosen[1:]
 

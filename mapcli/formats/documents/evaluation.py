@@ -24,7 +24,7 @@ def evaluation_document(
     is_aligned = evaluation.reference is not None
     content = {
         "kind": evaluation.kind,
-        "how": evaluation.how,
+        "how": evaluation.association,
         "matched": evaluation.matched,
         "total": evaluation.total,
         "overlap_s": None if overlap is None else round(overlap, 6),

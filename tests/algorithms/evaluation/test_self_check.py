@@ -11,8 +11,8 @@ from support.paths import FIXTURES
 
 from mapcli.algorithms.evaluation.self_check import (
     SelfCheckParameters,
-    align,
-    dense,
+    align_scans,
+    densified,
     revisited_pairs,
     self_check,
 )
@@ -71,11 +71,11 @@ def test_scans_are_aligned_wherever_the_search_begins(
     a, b = (Pose2D(*truth.poses[k]) for k in (100, 106))
     expected = a.between(b)
     for off in (Pose2D(), Pose2D(0.8, -0.7, 0.3)):
-        found = align(scans[100], scans[106], expected.compose(off), DEFAULTS)
+        found = align_scans(scans[100], scans[106], expected.compose(off), DEFAULTS)
         assert found is not None
         assert found.distance(expected) < 0.02
         assert abs(found.theta - expected.theta) < 0.005
-    assert align(scans[100], scans[106], expected.compose(Pose2D(6, 0, 0)), DEFAULTS) is None
+    assert align_scans(scans[100], scans[106], expected.compose(Pose2D(6, 0, 0)), DEFAULTS) is None
 
 
 def walls(*lines: tuple[float, float, float, float]) -> RangeScan:
@@ -97,15 +97,15 @@ def test_a_corridor_is_no_proof() -> None:
     sides = [(-20, 1, 20, 1), (-20, -1, 20, -1)]
     corridor = perceive(walls(*sides), PerceptionParameters())  # 12 m of it, then no return
     room = perceive(walls(*sides, (3, -1, 3, 1), (-3, -1, -3, 1)), PerceptionParameters())
-    assert align(corridor, corridor, Pose2D(0.5, 0, 0), DEFAULTS) is None
-    found = align(room, room, Pose2D(0.5, 0.1, 0), DEFAULTS)
+    assert align_scans(corridor, corridor, Pose2D(0.5, 0, 0), DEFAULTS) is None
+    found = align_scans(room, room, Pose2D(0.5, 0.1, 0), DEFAULTS)
     assert found is not None
     assert found.distance(Pose2D()) < 0.01
 
 
 def test_points_between_neighbours() -> None:
     points = np.array([(0.0, 0), (0.2, 0), (0.22, 0), (5, 0)])
-    filled = dense(points, 0.05)
+    filled = densified(points, 0.05)
     assert sorted(filled[:, 0].round(3)) == [
         0, 0.025, 0.05, 0.075, 0.1, 0.125, 0.15, 0.175, 0.2, 0.22, 5,
     ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""ATE, RPE and relations: hand-worked values, evo's values, and what cannot be compared."""
+"""ATE and RPE: hand-worked values, evo's values, and what cannot be compared."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.paths import FIXTURES, SHARED
 
-from mapcli.algorithms.evaluation.relations import evaluate_relations, poses_at
 from mapcli.algorithms.evaluation.trajectory_error import (
     EvaluateParameters,
-    compare,
+    evaluate_trajectory,
     nearest_stamps,
     rigid_alignment,
     rpe_pairs,
@@ -28,7 +27,7 @@ from mapcli.model.evaluation import Errors, limit_fields, statistics
 from mapcli.model.pose import Pose2D, interpolate
 from mapcli.model.scan import Odometry
 from mapcli.model.trace import PoseTrace, TracedPose
-from mapcli.model.trajectory import Relations, Trajectory, between, compose, interpolated, moved
+from mapcli.model.trajectory import Trajectory, between, compose, interpolated, moved
 
 APARTMENT = FIXTURES / "apartment.mcap"
 DATASETS = SHARED / "datasets"
@@ -73,7 +72,7 @@ def estimate(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_same_numbers_as_evo(delta: str, measure: str, estimate: Path) -> None:
     found, truth = (load_trajectory(str(path)).trajectory for path in (estimate, APARTMENT))
     parameters = EvaluateParameters(delta=float(delta[:-1]), delta_unit=delta[-1])
-    evaluation = compare(found, truth, parameters)
+    evaluation = evaluate_trajectory(found, truth, parameters)
     assert (evaluation.matched, evaluation.total) == (340, 340)
     errors, (metres, degrees) = evaluation.errors[measure], EVO[delta, measure]
     assert tuple(statistics(errors.metres).values()) == pytest.approx(metres, abs=1e-6)
@@ -155,8 +154,8 @@ def test_the_reference_is_interpolated() -> None:
     truth = trajectory((0, 0, 0, 0), (2, 2, 0, 0), (4, 2, 2, math.pi / 2))
     found = trajectory((1, 1, 0, 0), (2, 2, 0, 0), (3, 2, 1, math.pi / 4), (9, 0, 0, 0))
     with pytest.raises(DataError, match="1 pose matched by stamps"):
-        compare(found, truth)
-    evaluation = compare(found, truth, EvaluateParameters(interpolate_s=2.0))
+        evaluate_trajectory(found, truth)
+    evaluation = evaluate_trajectory(found, truth, EvaluateParameters(interpolate_s=2.0))
     assert (evaluation.matched, evaluation.total, evaluation.overlap_s) == (3, 4, 3)
     assert evaluation.numbers()["ate_max"] == pytest.approx(0, abs=1e-12)
     assert evaluation.numbers()["rpe_rot_max"] == pytest.approx(0, abs=1e-12)
@@ -164,12 +163,12 @@ def test_the_reference_is_interpolated() -> None:
 
 def test_without_times_poses_are_compared_by_index() -> None:
     path = rows(Pose2D(), Pose2D(1, 0, 0.5), Pose2D(1, 1, 1))
-    evaluation = compare(Trajectory(moved(path, Pose2D(3, 4, 2))), Trajectory(path))
-    assert evaluation.how == "by index"
+    evaluation = evaluate_trajectory(Trajectory(moved(path, Pose2D(3, 4, 2))), Trajectory(path))
+    assert evaluation.association == "by index"
     assert evaluation.overlap_s is None
     assert evaluation.numbers()["ate_max"] == pytest.approx(0, abs=1e-12)
     with pytest.raises(DataError, match=r"3 in the trace and 2 in the reference; expected equally"):
-        compare(Trajectory(path), Trajectory(path[:2]))
+        evaluate_trajectory(Trajectory(path), Trajectory(path[:2]))
 
 
 def test_pairs_along_the_path() -> None:
@@ -177,72 +176,10 @@ def test_pairs_along_the_path() -> None:
     for delta, unit, ends in ((2, "f", [0, 2, 4, 6]), (1, "m", [0, 2, 4, 6]), (5, "m", [0, 6])):
         first, second = rpe_pairs(path, EvaluateParameters(delta=delta, delta_unit=unit))
         assert [*first, second[-1]] == ends
-    with pytest.raises(DataError, match="no two poses are 10 m apart; expected a smaller --delta"):
+    with pytest.raises(DataError, match="no two poses are 10 m apart; expected a smaller distance"):
         rpe_pairs(path, EvaluateParameters(delta=10, delta_unit="m"))
 
 
 def test_limits_know_every_number() -> None:
     truth = trajectory((0, 0, 0, 0), (2, 2, 0, 0))
-    assert tuple(compare(truth, truth).numbers()) == limit_fields("trajectory")
-
-
-# Relations
-
-
-def relations(*found: tuple[float, float, float, float, float]) -> Relations:
-    """From `t1 t2 x y yaw`."""
-    table = np.array(found)
-    starts, ends = (np.rint(table[:, k] * S).astype(np.int64) for k in (0, 1))
-    return Relations(starts, ends, table[:, 2:])
-
-
-PATH = trajectory((0, 0, 0, 0), (1, 1, 0, math.pi / 2), (3, 1, 2, math.pi / 2))
-
-
-def test_relations_by_hand() -> None:
-    measured = relations((0, 1, 1, 0.5, math.pi / 2), (3, 1, -2, 0, 0.1), (1, 4, 0, 0, 0))
-    evaluation = evaluate_relations(PATH, measured)
-    errors = evaluation.errors["relations"]
-    assert (evaluation.matched, evaluation.total) == (2, 3)  # the third ends after the trace
-    assert errors.metres == pytest.approx([0.5, 0])
-    assert errors.degrees == pytest.approx([0, math.degrees(0.1)])
-
-
-def test_between_scans_the_odometry_carries_on() -> None:
-    """The wheels' frame is turned by a quarter; they drove 1.5 m of 2 m, then stood."""
-    wheels = trajectory((0, 0, 0, -math.pi / 2), (1, 0, 7, 0), (2, 1.5, 7, 0), (3, 1.5, 7, 0))
-    moments = np.array([0, 1.5, 2.5, 3]) * S
-    found = poses_at(moments.astype(np.int64), PATH, wheels)
-    assert found == pytest.approx(
-        np.array([(0, 0, 0), (1, 0.75, math.pi / 2), (1, 1.5, math.pi / 2), (1, 2, math.pi / 2)])
-    )
-    straight = poses_at(moments.astype(np.int64), PATH, None)
-    assert straight[1] == pytest.approx((1, 0.5, math.pi / 2))
-
-
-def test_relations_of_another_log() -> None:
-    with pytest.raises(DataError, match="covers none of 1 relation: it has 3 poses from"):
-        evaluate_relations(PATH, relations((7, 9, 0, 0, 0)))
-    with pytest.raises(DataError, match="the trace has no times"):
-        evaluate_relations(Trajectory(PATH.poses), relations((0, 1, 0, 0, 0)))
-
-
-@pytest.mark.skipif(not DATASETS.exists(), reason="needs the real logs")
-def test_the_relations_of_a_real_log() -> None:
-    """Raw odometry against the relations, held against a plain loop over them."""
-    from mapcli.formats.documents.relations import load_relations
-
-    measured = load_relations(str(DATASETS / "intel-dense.relations.gz"))
-    log = open_log([str(DATASETS / "intel-dense.log.gz")])
-    wheels = [r for r in log.records() if isinstance(r, Odometry)]
-    trace = Trajectory(
-        rows(*(r.pose for r in wheels)), np.array([r.stamp_ns for r in wheels], np.int64)
-    )
-    by_stamp = {r.stamp_ns: r.pose for r in wheels}
-    expected = []
-    for start, end, row in zip(measured.from_ns, measured.to_ns, measured.poses, strict=True):
-        left = Pose2D(*row).between(by_stamp[int(start)].between(by_stamp[int(end)]))
-        expected.append(math.hypot(left.x, left.y))
-    for odometry in (None, trace):
-        errors = evaluate_relations(trace, measured, odometry).errors["relations"]
-        assert errors.metres == pytest.approx(expected, abs=1e-9)
+    assert tuple(evaluate_trajectory(truth, truth).numbers()) == limit_fields("trajectory")
