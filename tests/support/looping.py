@@ -24,7 +24,7 @@ from mapcli.model.world import World
 MAP = MapParameters()
 BEAMS, REACH = 180, 8.0
 MATCH = np.diag([0.02**-2, 0.02**-2, math.radians(0.3) ** -2])
-"""The information from the current map on each keyframe of these trajectories."""
+"""The information from the local map on each keyframe of these trajectories."""
 
 ODOMETRY = MotionModel()
 NOTHING = Perception(np.empty((0, 2)), np.empty((0, 2)), np.zeros(2))
@@ -170,10 +170,10 @@ def scan_at(edges: Edges, pose: Pose2D, index: int, reach: float = REACH) -> Ran
 
 
 def log_of(scans: list[RangeScan], odom: list[Pose2D]) -> list[Record]:
-    """A log of scans and of what the wheels counted."""
+    """A log of scans and of what odometry counted."""
     records: list[Record] = []
-    for scan, wheels in zip(scans, odom, strict=True):
-        records += [Odometry(scan.stamp_ns, wheels), scan]
+    for scan, pose in zip(scans, odom, strict=True):
+        records += [Odometry(scan.stamp_ns, pose), scan]
     return records
 
 

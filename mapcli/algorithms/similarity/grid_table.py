@@ -1,6 +1,6 @@
 """Lines 5 to 8 of Algorithm 9.2, all scores kept: the similarity table of Sect. 9.5.
 
-`scan_counts` is what `slam-replay --search book` compares with, too (`matching.best_of_fifteen`).
+`scan_counts` is what `slam-replay --search book` compares with, too (`slam.book_matcher`).
 """
 
 from __future__ import annotations

@@ -17,8 +17,8 @@ from mapcli.model.se2_uncertainty import (
 )
 
 PRIOR_M, PRIOR_TURN = 1.0, math.radians(90.0)
-"""Metres and radians of motion that the prior is worth: as much as that it takes to believe a
-measured factor as much as what is usual, that odometry counts right."""
+"""Metres and radians of motion that the prior, that odometry counts right, is worth: after so much
+a measured factor has the same weight."""
 
 MATCH_FLOOR = StandardDeviations(0.01, math.radians(0.3))
 """By how much two matched poses are off at best."""

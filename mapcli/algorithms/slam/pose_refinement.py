@@ -52,7 +52,7 @@ class ScanInMap:
         return len(self.points.metres)
 
     @property
-    def says_something(self) -> bool:
+    def has_enough_points(self) -> bool:
         """Whether the scan has points enough to be matched."""
         return self.size >= MIN_POINTS
 
@@ -86,7 +86,7 @@ class ScanInMap:
 
     def match_near(self, predicted: Pose2D, uncertainty: OdometryUncertainty) -> Match:
         """The match next to a predicted pose, or that pose where the scan says nothing."""
-        if not self.says_something:
+        if not self.has_enough_points:
             return Match(predicted, 0.0, 0, found=False)
         self.cover(predicted, SearchWindow(FARTHEST_REFINEMENT * self.cell, CONVERGENCE_TURN))
         match = self.refine(predicted, predicted, uncertainty)
@@ -94,7 +94,7 @@ class ScanInMap:
 
     def free_space_conflicts(self, pose: Pose2D) -> int:
         """Points that fall where the map knows free space, at a pose as it is."""
-        if not self.says_something:
+        if not self.has_enough_points:
             return 0
         self.cover(pose, SearchWindow(0.0, 0.0))
         return self.compare(pose).free_space_conflicts

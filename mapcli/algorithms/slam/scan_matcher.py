@@ -92,13 +92,14 @@ def match_scan(
     if parameters.search == "book":
         return best_of_fifteen(grid, perception, predicted, parameters.similarity)
     scan = ScanInMap(grid, perception, parameters)
-    if parameters.search == "none" or not scan.says_something:
+    if parameters.search == "none" or not scan.has_enough_points:
         return Match(predicted, 0.0, 0, found=False)
     return _WindowMatcher(scan, predicted, uncertainty, parameters).match(history or MatchHistory())
 
 
 class _WindowMatcher:
-    """Correlative scan matching around one predicted pose; `match` is the algorithm."""
+    """One search around a predicted pose (stateful: windows searched before); `match` is the
+    algorithm."""
 
     def __init__(
         self,
@@ -113,21 +114,26 @@ class _WindowMatcher:
         self._searched: tuple[BestPose, Match] | None = None
 
     def match(self, history: MatchHistory) -> Match:
-        """The best pose; a far wider window is searched when odometry seems to have failed."""
+        """The best pose of the window.
+
+        1. Refine the odometry's pose: where the scan then fits as well as those before, done.
+        2. Search a part of the window, then all of it, and refine the best pose.
+        3. Relocalise where the scan fits nowhere in the window: odometry seems to have failed.
+        4. Elsewhere prefer the pose of step 1, unless the map contradicts: along a wall the scan
+           fits best where it covers most of the map, which is where it was taken before.
+        """
         p, window = self.parameters, self._window()
         self.scan.cover(self.predicted, window)
-        near = best = self._refine(self.predicted)
+        near = best = self._refine(self.predicted)  # 1
         if p.refine and self._is_trusted(near, history):
             return near
-        for share in WINDOW_SHARES:
+        for share in WINDOW_SHARES:  # 2
             best = self._search(SearchWindow(share * window.xy, share * window.theta))
             if self._is_as_good(best, history):
                 break
-        if p.relocalise and best.score < SUSPICIOUS_SHARE * history.running_score:
+        if p.relocalise and best.score < SUSPICIOUS_SHARE * history.running_score:  # 3
             best = self._relocalise(best, history)
-        elif p.refine and self._is_far(best.pose) and near.score >= best.score - SCORE_MARGIN:
-            # Along a wall the scan fits best where it covers most of the map, which is where
-            # it was taken before; odometry knows better unless the map contradicts.
+        elif p.refine and self._is_far(best.pose) and near.score >= best.score - SCORE_MARGIN:  # 4
             best = near
         return best if best.found else replace(best, pose=self.predicted)
 
@@ -141,8 +147,10 @@ class _WindowMatcher:
         )
 
     def _search(self, window: SearchWindow) -> Match:
-        """The best pose in a window around the predicted one, which is covered, refined; each
-        window holds the one before."""
+        """Branch and bound over a window around the predicted pose, then refinement.
+
+        The window is covered, and holds those searched before.
+        """
         scan, known = self.scan, self._searched and self._searched[0]
         middle = scan.grid.pose_to_cells(self.predicted)
         poses = window.poses(scan.cell, scan.turn_step, self._stride())
@@ -164,8 +172,8 @@ class _WindowMatcher:
         return self.scan.refine(near, self.predicted, self.uncertainty)
 
     def _relocalise(self, best: Match, history: MatchHistory) -> Match:
-        """The scan fits the map worse than those before: odometry may have failed, or the map may
-        be too young."""
+        """Search a far wider window; `best` stays where nothing there is clearly better, since the
+        map may just be too young."""
         low, metres = SUSPICIOUS_SHARE * history.running_score, self.uncertainty.metres
         xy = max(self._window().xy, RELOCALISATION_XY + RELOCALISATION_XY_PER_M * metres)
         wide = SearchWindow(xy, RELOCALISATION_TURN)

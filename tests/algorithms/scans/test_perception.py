@@ -1,4 +1,4 @@
-"""Line 4 of Algorithm 9.2: what of a scan is believed, and where its beams end."""
+"""Line 4 of Algorithm 9.2: which readings of a scan are used, and where its beams end."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_rep_117() -> None:
     assert open_ends(scan) == [[0, 8]]  # only +inf tells that nothing is there
 
 
-def test_beams_without_return_say_nothing_unless_asked() -> None:
+def test_no_return_is_ignored_or_clears() -> None:
     perception = perceive(scan_of([INF] * 4), PerceptionParameters(no_return="ignore"))
     assert perception.hits.shape == perception.open_ends.shape == (0, 2)
     assert len(open_ends(scan_of([INF] * 4))) == 4

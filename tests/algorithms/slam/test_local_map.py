@@ -1,4 +1,4 @@
-"""The current map: when it is written to, and what it forgets."""
+"""The local map: when it is written to, and what it forgets."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def new(**parameters: object) -> LocalMap:
     return LocalMap(OccupancyGrid(MAP), LocalMapParameters(**parameters))  # type: ignore
 
 
-def remembered(current: LocalMap, now: float) -> float:
+def remembered(local_map: LocalMap, now: float) -> float:
     """Metres behind a robot that drives along x of which the map knows something."""
-    grid = current.grid.to_grid_map()
+    grid = local_map.grid.to_grid_map()
     columns = np.flatnonzero(grid.known.any(axis=0))
     return now - (grid.origin.x + columns[0] * CELL)
 
@@ -39,11 +39,11 @@ REACH = 0.2 + CELL
 
 
 def test_it_forgets_but_never_too_much() -> None:
-    current = new(**FORGETFUL)
+    local_map = new(**FORGETFUL)
     memory = []
     for metres in range(40):
-        assert current.update(Pose2D(metres), seen())
-        memory.append(remembered(current, metres))
+        assert local_map.update(Pose2D(metres), seen())
+        memory.append(remembered(local_map, metres))
     assert max(memory) <= 10 + REACH
     assert memory[:10] == pytest.approx(range(10), abs=REACH)  # nothing is forgotten before
     assert min(memory[3:]) >= 3
@@ -53,36 +53,36 @@ def test_it_forgets_but_never_too_much() -> None:
 
 
 def test_it_has_some_updates_at_least() -> None:
-    current = new(**{**FORGETFUL, "min_length_m": 1.0, "min_updates": 5})
+    local_map = new(**{**FORGETFUL, "min_length_m": 1.0, "min_updates": 5})
     for metres in range(40):
-        current.update(Pose2D(metres), seen())
+        local_map.update(Pose2D(metres), seen())
         # Of five updates in a row the first is four metres back.
-        assert metres < 4 or remembered(current, metres) >= 4
+        assert metres < 4 or remembered(local_map, metres) >= 4
 
 
 def test_turning_on_the_spot_forgets_nothing() -> None:
-    current = new(**FORGETFUL)
+    local_map = new(**FORGETFUL)
     for metres in range(9):
-        current.update(Pose2D(metres), seen())
+        local_map.update(Pose2D(metres), seen())
     for quarter in range(1, 50):
-        assert current.update(Pose2D(8, 0, quarter * math.pi / 2), seen())
-    assert remembered(current, 8) >= 8
+        assert local_map.update(Pose2D(8, 0, quarter * math.pi / 2), seen())
+    assert remembered(local_map, 8) >= 8
 
 
 def test_none_never_forgets() -> None:
-    current = new(update_m=1.0, max_length_m=None)
+    local_map = new(update_m=1.0, max_length_m=None)
     for metres in range(60):
-        current.update(Pose2D(metres), seen())
-    assert remembered(current, 59) == pytest.approx(59, abs=REACH)
+        local_map.update(Pose2D(metres), seen())
+    assert remembered(local_map, 59) == pytest.approx(59, abs=REACH)
 
 
 def test_what_is_forgotten_leaves_the_rest_as_if_it_had_begun_there() -> None:
-    current, late = new(**FORGETFUL), OccupancyGrid(MAP)
+    local_map, late = new(**FORGETFUL), OccupancyGrid(MAP)
     for metres in range(13):
-        current.update(Pose2D(metres), seen())
+        local_map.update(Pose2D(metres), seen())
         if metres >= 7:
             late.integrate(Pose2D(metres), seen())
-    found, expected = current.grid.to_grid_map(), late.to_grid_map()
+    found, expected = local_map.grid.to_grid_map(), late.to_grid_map()
     assert found.origin == expected.origin
     assert np.array_equal(found.cells, expected.cells, equal_nan=True)
 
@@ -91,10 +91,10 @@ def test_frozen_never_changes() -> None:
     grid = OccupancyGrid(MAP)
     grid.integrate(Pose2D(), seen())
     before = grid.log_odds.copy()
-    current = LocalMap(grid, LocalMapParameters(frozen=True))
+    local_map = LocalMap(grid, LocalMapParameters(frozen=True))
     for metres in range(40):
-        assert not current.update(Pose2D(metres), seen())
-    assert current.grid is grid
+        assert not local_map.update(Pose2D(metres), seen())
+    assert local_map.grid is grid
     assert np.array_equal(grid.log_odds, before)
 
 
@@ -112,23 +112,23 @@ def test_frozen_never_changes() -> None:
     ],
 )
 def test_update_distances(moved: Pose2D, updated: bool) -> None:
-    current = new(update_m=0.3, update_deg=17.0)
+    local_map = new(update_m=0.3, update_deg=17.0)
     start = Pose2D(3, 4, 3.1)  # turning left from here goes past pi
-    assert current.update(start, seen())
-    before = current.grid.log_odds.copy()
-    assert current.update(start.compose(moved), seen()) == updated
-    assert np.array_equal(current.grid.log_odds, before) != updated
+    assert local_map.update(start, seen())
+    before = local_map.grid.log_odds.copy()
+    assert local_map.update(start.compose(moved), seen()) == updated
+    assert np.array_equal(local_map.grid.log_odds, before) != updated
 
 
 def test_small_steps_add_up() -> None:
-    current = new(update_m=0.3)
-    updates = [current.update(Pose2D(0.1001 * k), seen()) for k in range(10)]
+    local_map = new(update_m=0.3)
+    updates = [local_map.update(Pose2D(0.1001 * k), seen()) for k in range(10)]
     assert updates == [True, False, False] * 3 + [True]
 
 
 def test_a_scan_of_few_points_does_not_begin_a_map() -> None:
-    current = new(update_m=0.3)
-    assert not current.update(Pose2D(), seen(4))
-    assert not current.update(Pose2D(), seen(0))
-    assert current.update(Pose2D(0.1), seen(5))  # without driving 0.3 m
-    assert not current.update(Pose2D(0.2), seen())
+    local_map = new(update_m=0.3)
+    assert not local_map.update(Pose2D(), seen(4))
+    assert not local_map.update(Pose2D(), seen(0))
+    assert local_map.update(Pose2D(0.1), seen(5))  # without driving 0.3 m
+    assert not local_map.update(Pose2D(0.2), seen())

@@ -46,8 +46,8 @@ def drive(steps: list[float]) -> list[Pose2D]:
     return [Pose2D(float(x)) for x in np.cumsum([0.0, *steps])]
 
 
-def wheels(true: list[Pose2D], factors: dict[int, float]) -> list[Pose2D]:
-    """What wheels count: each motion times a factor, which is 1 where it is not named."""
+def counted(true: list[Pose2D], factors: dict[int, float]) -> list[Pose2D]:
+    """What odometry counts: each motion times a factor, which is 1 where it is not named."""
     odom = [Pose2D()]
     for k, (a, b) in enumerate(pairwise(true)):
         motion, factor = a.between(b), factors.get(k, 1.0)
@@ -117,9 +117,9 @@ def test_without_odometry_every_hypothesis_ends() -> None:
 # --- in a corridor
 
 
-def test_wheels_that_count_backwards_while_the_robot_drives() -> None:
+def test_odometry_that_counts_backwards_while_the_robot_drives() -> None:
     true = drive([0.25] * 100)
-    odom = wheels(true, dict.fromkeys(range(40, 60), -1.0))
+    odom = counted(true, dict.fromkeys(range(40, 60), -1.0))
     assert worst(odom, true) == pytest.approx(10)
     poses, active, failed = replayed(true, odom)
     assert active == {"odometry", "reversed"}
@@ -127,13 +127,13 @@ def test_wheels_that_count_backwards_while_the_robot_drives() -> None:
     assert worst(poses, true) < 0.1
 
 
-def test_wheels_that_count_backwards_while_the_robot_backs_up() -> None:
+def test_odometry_that_counts_backwards_while_the_robot_backs_up() -> None:
     # It stops first, so inertia says nothing; what was believed meanwhile is put right.
     slower, faster = [0.2, 0.15, 0.1, 0.05, 0.0], [0.05, 0.1, 0.15, 0.2]
     back = [-step for step in (*faster, *[0.25] * 20, *slower)]
     true = drive([*faster, *[0.25] * 60, *slower, *back, *faster, *[0.25] * 30])
     first = 4 + 60 + 5
-    odom = wheels(true, dict.fromkeys(range(first, first + len(back)), -1.0))
+    odom = counted(true, dict.fromkeys(range(first, first + len(back)), -1.0))
     assert worst(odom, true) > 11
     poses, active, failed = replayed(true, odom)
     assert "reversed" in active
@@ -141,25 +141,25 @@ def test_wheels_that_count_backwards_while_the_robot_backs_up() -> None:
     assert worst(poses, true) < 0.2
 
 
-def test_wheels_that_count_nothing() -> None:
+def test_odometry_that_counts_nothing() -> None:
     true = drive([0.4] * 90)
-    poses, active, failed = replayed(true, wheels(true, dict.fromkeys(range(40, 55), 0.0)))
+    poses, active, failed = replayed(true, counted(true, dict.fromkeys(range(40, 55), 0.0)))
     assert active == {"odometry", "keeps going"}
     assert failed == pytest.approx(15, abs=2)
     assert worst(poses, true) < 0.3
 
 
-def test_good_wheels_are_believed() -> None:
+def test_good_odometry_stays_active() -> None:
     rng = np.random.default_rng(3)
     true = drive([0.1, 0.2, *[0.25] * 60, 0.15, 0.05, 0, 0, -0.1, *[-0.25] * 30])
     noisy = {k: float(f) for k, f in enumerate(rng.normal(1.03, 0.1, len(true)))}
-    poses, active, failed = replayed(true, wheels(true, noisy))
+    poses, active, failed = replayed(true, counted(true, noisy))
     assert active == {"odometry"}
     assert failed == 0
     assert worst(poses, true) < 0.3
 
 
-def test_good_wheels_are_believed_round_corners() -> None:
+def test_good_odometry_stays_active_round_corners() -> None:
     edges, true = ring(), laps(72)
     slam = Slam()
     scans = [scan_at(edges, pose, k) for k, pose in enumerate(true)]

@@ -161,7 +161,7 @@ def test_what_fits_nowhere_stays_in_the_window() -> None:
     assert match.pose.distance(HERE) <= half * math.sqrt(2) + 0.1
 
 
-# --- scans that say little
+# --- scans of few points
 
 
 def test_none_looks_at_nothing() -> None:

@@ -61,7 +61,7 @@ def round_trip(steps: int, length: float = 0.25) -> list[Pose2D]:
 
 
 def odometry_of(poses: list[Pose2D], errors: list[Pose2D] | None = None) -> list[Pose2D]:
-    """What wheels would count: each motion followed by its error."""
+    """What odometry would count: each motion followed by its error."""
     odom = [poses[0]]
     for k in range(1, len(poses)):
         motion = poses[k - 1].between(poses[k])
@@ -73,8 +73,8 @@ def log_of(
     poses: list[Pose2D], odom: list[Pose2D], see: Callable[[Pose2D, int], RangeScan] = scan_at
 ) -> list[Record]:
     records: list[Record] = []
-    for k, (pose, wheels) in enumerate(zip(poses, odom, strict=True)):
-        records += [Odometry(k * PERIOD_NS, wheels), see(pose, k)]
+    for k, (pose, counted) in enumerate(zip(poses, odom, strict=True)):
+        records += [Odometry(k * PERIOD_NS, counted), see(pose, k)]
     return records
 
 
@@ -239,7 +239,7 @@ def test_odometry_that_falls_silent_for_seconds() -> None:
     assert None in {traced.odom for traced in found[20:50]}
 
 
-# --- scans that say little
+# --- scans of few points
 
 
 @pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan])
