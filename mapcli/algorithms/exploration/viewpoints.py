@@ -7,8 +7,8 @@ strategy (ties: smallest row, then smallest column).
 So it ends: no robot senses twice from the same cell. And nothing is missed: as long as a robot can
 reach a cell from which there is something to see, it goes on.
 
-A cell from which nothing is to be seen stays so: its rays end at known obstacles. It is tested again
-only when an obstacle proves to be none, so each cell is tested about once.
+A cell from which nothing is to be seen stays so: its rays end at known obstacles. It is tested
+again only when an obstacle proves to be none, so each cell is tested about once.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ def calibrated(
     deviations: StandardDeviations = WIDE,
     seed: int = 0,
 ) -> OdometryCalibration:
-    """Of odometry that counts `factors` of metres, turns and radians per metre, and errs by noise."""
+    """Of odometry that counts `factors` of metres, turns and radians per metre, with noise."""
     rng, calibration = np.random.default_rng(seed), OdometryCalibration()
     metres, turns, drift = factors
     for motion in true:
