@@ -43,7 +43,7 @@ class BestPose(NamedTuple):
     """The best pose of a window so far.
 
     Attributes:
-        du, dv, turn: cells and steps away from the middle of the poses.
+        du, dv, turn: cells and steps of the heading away from the middle of the window.
         score: the sum of the field at the points, less the prior.
         fit: that sum.
     """
@@ -103,9 +103,10 @@ def search(
 ) -> BestPose:
     """The best pose of a window, the same that trying all of them would find.
 
-    The score of a pose is the sum of the field at its points less the prior. The coarser field at a
-    node bounds the score of all poses in it, so nodes that cannot beat the best pose so far are
-    never opened.
+    The score of a pose is the sum of the field at its points less the prior. A node is a square of
+    poses, and the coarser field there bounds the scores of all of them: the largest nodes are
+    bounded first (`bound_nodes`), then opened by falling bound, level by level (`open_node`), and
+    nodes that cannot beat the best pose so far are never opened.
 
     Args:
         points: shape (n, 2).
@@ -144,45 +145,6 @@ def bound_window(
 
 
 @kernel
-def branch(
-    levels: Plain,
-    poses: Plain,
-    prior: Plain,
-    scans: NDArray[np.int64],
-    queue: Plain,
-    stack: NDArray[np.int64],
-    best: Plain,
-) -> Plain:
-    """`open_nodes` for a call from Python, in and out with fields of the records."""
-    levels_, poses_, prior_ = FieldLevels(*levels), PoseGrid(*poses), Prior(*prior)
-    return open_nodes(levels_, scans, poses_, prior_, Queue(*queue), stack, BestPose(*best))[:5]
-
-
-@kernel
-def nearest_in(low: int, width: int) -> int:
-    """The smallest distance from 0 in low, low + 1, ..., low + width - 1."""
-    if low > 0:
-        return low
-    return max(0, -(low + width - 1))
-
-
-@kernel
-def nodes_per_side(reach: int, width: int) -> int:
-    """How many nodes of a width lie side by side in a poses."""
-    return (2 * reach + width) // width
-
-
-@kernel
-def node_at(number: int, levels: FieldLevels, poses: PoseGrid) -> Node:
-    """One of the largest nodes, which are numbered by turn, then dv, then du."""
-    width = levels.widths[levels.top]
-    side = nodes_per_side(poses.reach, width)
-    square, turn = number % (side * side), number // (side * side) - poses.turns
-    du, dv = square % side * width - poses.reach, square // side * width - poses.reach
-    return Node(du, dv, turn, levels.top)
-
-
-@kernel
 def bound_nodes(
     levels: FieldLevels,
     scans: NDArray[np.int64],
@@ -197,6 +159,21 @@ def bound_nodes(
         shift = nearest_in(du, width) ** 2 + nearest_in(dv, width) ** 2
         fit = sum_of_field(field, scans[turn + poses.turns], dv * levels.columns + du)
         bounds[number] = fit - penalty(shift, turn**2, prior)
+
+
+@kernel
+def branch(
+    levels: Plain,
+    poses: Plain,
+    prior: Plain,
+    scans: NDArray[np.int64],
+    queue: Plain,
+    stack: NDArray[np.int64],
+    best: Plain,
+) -> Plain:
+    """`open_nodes` for a call from Python, in and out with fields of the records."""
+    levels_, poses_, prior_ = FieldLevels(*levels), PoseGrid(*poses), Prior(*prior)
+    return open_nodes(levels_, scans, poses_, prior_, Queue(*queue), stack, BestPose(*best))[:5]
 
 
 @kernel
@@ -251,3 +228,27 @@ def open_node(
                     stack[depth, DU], stack[depth, DV], stack[depth, LEVEL] = du, dv, level - 1
                     depth += 1
     return best
+
+
+@kernel
+def node_at(number: int, levels: FieldLevels, poses: PoseGrid) -> Node:
+    """One of the largest nodes, which are numbered by turn, then dv, then du."""
+    width = levels.widths[levels.top]
+    side = nodes_per_side(poses.reach, width)
+    square, turn = number % (side * side), number // (side * side) - poses.turns
+    du, dv = square % side * width - poses.reach, square // side * width - poses.reach
+    return Node(du, dv, turn, levels.top)
+
+
+@kernel
+def nodes_per_side(reach: int, width: int) -> int:
+    """How many nodes of a width lie side by side in a window."""
+    return (2 * reach + width) // width
+
+
+@kernel
+def nearest_in(low: int, width: int) -> int:
+    """The smallest distance from 0 in low, low + 1, ..., low + width - 1."""
+    if low > 0:
+        return low
+    return max(0, -(low + width - 1))
