@@ -15,12 +15,12 @@ import time
 import numpy as np
 
 from mapcli.algorithms.scans.ray_casting import edges_of
-from mapcli.algorithms.similarity.candidate_poses import Window
-from mapcli.algorithms.similarity.expected_perception import Fan, expected_ranges
+from mapcli.algorithms.similarity.candidate_poses import CandidateWindow
+from mapcli.algorithms.similarity.expected_perception import RangeSensor, expected_ranges
 from mapcli.algorithms.similarity.grid_table import scan_table
 from mapcli.algorithms.similarity.measures import SIMILARITIES
 from mapcli.model.grid import GridMap
-from mapcli.model.perception import ScanPerception, Standpoint
+from mapcli.model.perception import IntendedPose, ScanPerception
 from mapcli.model.pose import Pose2D
 
 
@@ -38,9 +38,9 @@ def hall() -> GridMap:
 
 def main() -> None:
     grid, pose = hall(), Pose2D(43.21, 47.65, 0.3)
-    beams = expected_ranges(edges_of(grid), pose, Fan(360, 360.0, 30.0))
-    scan = ScanPerception(Standpoint(pose.theta, (pose.x, pose.y)), beams, 30.0)
-    candidates = Window(0.5, 5.5, None, 0.5).candidates(grid.resolution)
+    beams = expected_ranges(edges_of(grid), pose, RangeSensor(360, 360.0, 30.0))
+    scan = ScanPerception(IntendedPose(pose.theta, (pose.x, pose.y)), beams, 30.0)
+    candidates = CandidateWindow(0.5, 5.5, None, 0.5).candidates(grid.resolution)
     poses = len(candidates.names) * len(candidates.turns_deg)
     print(f"{poses:,} poses, 360 beams, 2000 x 2000 cells")
     table = scan_table(grid, scan, candidates, "product")

@@ -9,9 +9,18 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.similarity.candidate_poses import Candidates, Window, neighbours
-from mapcli.algorithms.similarity.grid_table import grid_table, scan_map, scan_table, written_out
-from mapcli.algorithms.similarity.map_update import updated
+from mapcli.algorithms.similarity.candidate_poses import (
+    Candidates,
+    CandidateWindow,
+    neighbour_candidates,
+)
+from mapcli.algorithms.similarity.grid_table import (
+    candidate_perception_map,
+    grid_table,
+    scan_perception_map,
+    scan_table,
+)
+from mapcli.algorithms.similarity.map_update import update_map
 from mapcli.algorithms.similarity.measures import Similarity
 from mapcli.algorithms.similarity.perception_map import PerceptionMap
 from mapcli.algorithms.similarity.readings_table import database_table, landmark_table
@@ -26,7 +35,7 @@ from mapcli.model.perception import (
     ScanPerception,
 )
 from mapcli.model.pose import Pose2D
-from mapcli.model.similarity import Scored, SimilarityTable
+from mapcli.model.similarity import ScoredCandidate, SimilarityTable
 from mapcli.model.world import World
 
 
@@ -46,24 +55,24 @@ class ScanOnMap:
     grid: GridMap
     scan: ScanPerception
 
-    def candidates(self, window: Window | None) -> Candidates:
+    def candidates(self, window: CandidateWindow | None) -> Candidates:
         if window is not None:
             return window.candidates(self.grid.resolution)
-        return neighbours(self.scan.steps, self.scan.turns_deg)
+        return neighbour_candidates(self.scan.steps, self.scan.turns_deg)
 
-    def table(self, settings: Settings, window: Window | None) -> SimilarityTable:
+    def table(self, settings: Settings, window: CandidateWindow | None) -> SimilarityTable:
         candidates = self.candidates(window)
         return scan_table(self.grid, self.scan, candidates, settings.similarity, settings.low)
 
     def intended(self) -> Pose2D | None:
-        return self.scan.standpoint.pose(self.grid)
+        return self.scan.intended_pose.pose(self.grid)
 
-    def perceived(self, candidate: Scored, *, near: bool = False) -> PerceptionMap:
+    def perceived(self, candidate: ScoredCandidate, *, near: bool = False) -> PerceptionMap:
         """The perception map at a candidate; `near`, no farther off the map than it is large."""
         assert candidate.pose is not None  # scans always have one
         rows, columns = self.grid.rows, self.grid.columns
         within = (-columns, -rows, 2 * columns, 2 * rows) if near else None
-        return scan_map(self.grid, self.scan, candidate.pose, within)
+        return scan_perception_map(self.grid, self.scan, candidate.pose, within)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,18 +82,18 @@ class GridsOnMap:
     grid: GridMap
     perceptions: GridPerceptions
 
-    def table(self, settings: Settings, window: Window | None) -> SimilarityTable:
+    def table(self, settings: Settings, window: CandidateWindow | None) -> SimilarityTable:
         return grid_table(self.grid, self.perceptions, settings.similarity, settings.low)
 
     def intended(self) -> Pose2D | None:
-        place = self.perceptions.standpoint
+        place = self.perceptions.intended_pose
         return None if place is None else place.pose(self.grid)
 
-    def perceived(self, candidate: Scored, *, near: bool = False) -> PerceptionMap:
+    def perceived(self, candidate: ScoredCandidate, *, near: bool = False) -> PerceptionMap:
         """The perception map of a candidate."""
         names = [(c.position, c.turn_deg) for c in self.perceptions.candidates]
         index = names.index((candidate.position, candidate.turn_deg))
-        return written_out(self.grid, self.perceptions, index)
+        return candidate_perception_map(self.grid, self.perceptions, index)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,16 +103,18 @@ class LandmarksOnMap:
     world: World
     landmarks: LandmarkPerception
 
-    def table(self, settings: Settings, window: Window | None) -> SimilarityTable:
+    def table(self, settings: Settings, window: CandidateWindow | None) -> SimilarityTable:
         marks = self.landmarks
         candidates = (
-            neighbours(marks.steps, marks.turns_deg) if window is None else window.candidates(None)
+            neighbour_candidates(marks.steps, marks.turns_deg)
+            if window is None
+            else window.candidates(None)
         )
         similarity, weight = settings.similarity, settings.bearing_weight
         return landmark_table(self.world, marks, candidates, similarity, weight)
 
     def intended(self) -> Pose2D | None:
-        return self.landmarks.standpoint.pose(None)
+        return self.landmarks.intended_pose.pose(None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,12 +124,12 @@ class ReadingsInDatabase:
     database: PerceptionDatabase
     readings: ScanPerception | LandmarkPerception
 
-    def table(self, settings: Settings, window: Window | None) -> SimilarityTable:
+    def table(self, settings: Settings, window: CandidateWindow | None) -> SimilarityTable:
         similarity, weight = settings.similarity, settings.bearing_weight
         return database_table(self.database, self.readings, similarity, weight)
 
     def intended(self) -> Pose2D | None:
-        place = self.readings.standpoint
+        place = self.readings.intended_pose
         return place.pose(None) if place.cell is None else None
 
 
@@ -205,6 +216,6 @@ def _points(data: bytes, file: str) -> World:
     return world
 
 
-def map_after(comparison: ScanOnMap | GridsOnMap, best: Scored, low: float) -> GridMap:
+def map_after(comparison: ScanOnMap | GridsOnMap, best: ScoredCandidate, low: float) -> GridMap:
     """The map with the best perception written into it (Fig. 9.22)."""
-    return updated(comparison.grid, comparison.perceived(best), low)
+    return update_map(comparison.grid, comparison.perceived(best), low)

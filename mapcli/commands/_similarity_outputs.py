@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.similarity.candidate_poses import Window
-from mapcli.algorithms.similarity.expected_perception import point_seen
-from mapcli.algorithms.similarity.grid_table import in_cells, signs_of
-from mapcli.algorithms.similarity.local_maxima import find_peaks
-from mapcli.algorithms.similarity.map_update import side_by_side
-from mapcli.algorithms.similarity.measures import better
+from mapcli.algorithms.similarity.candidate_poses import CandidateWindow
+from mapcli.algorithms.similarity.expected_perception import obstacle_position
+from mapcli.algorithms.similarity.grid_table import pose_in_cells, ternary_cells
+from mapcli.algorithms.similarity.local_maxima import find_local_maxima
+from mapcli.algorithms.similarity.map_update import crop_to_perception
+from mapcli.algorithms.similarity.measures import higher_is_better
 from mapcli.commands._frontier_outputs import map_files, write_all
 from mapcli.commands._similarity_inputs import (
     GridsOnMap,
@@ -33,9 +33,9 @@ from mapcli.formats.documents.similarity_table import (
     table_bytes,
     window_bytes,
 )
-from mapcli.model.peaks import Peaks
+from mapcli.model.local_maxima import LocalMaxima
 from mapcli.model.pose import Pose2D
-from mapcli.model.similarity import Scored, SimilarityTable
+from mapcli.model.similarity import ScoredCandidate, SimilarityTable
 from mapcli.model.world import World
 
 Floats = NDArray[np.float64]
@@ -57,13 +57,13 @@ class Answer:
     settings: Settings
     table: SimilarityTable
     sightings: tuple[Point, ...] = ()
-    window: Window | None = None
+    window: CandidateWindow | None = None
     along: Floats | None = None
     surface: Floats | None = None
-    peaks: Peaks | None = None
+    peaks: LocalMaxima | None = None
 
     @property
-    def best(self) -> Scored | None:
+    def best(self) -> ScoredCandidate | None:
         return self.peaks.peak if self.peaks else self.table.best()
 
     @property
@@ -124,7 +124,7 @@ class Answer:
 
 
 def _point(pose: Pose2D, distance: float, degrees: float) -> dict[str, float]:
-    x, y = point_seen(pose, distance, math.radians(degrees))
+    x, y = obstacle_position(pose, distance, math.radians(degrees))
     return {"x": round(x, 6) + 0.0, "y": round(y, 6) + 0.0}
 
 
@@ -139,7 +139,7 @@ def _markdown_surface(rows: list[float], columns: list[float], surface: Floats) 
     return [f"| {' | '.join(line)} |" for line in lines]
 
 
-def window_answer(answer: Answer, window: Window) -> Answer:
+def window_answer(answer: Answer, window: CandidateWindow) -> Answer:
     """The answer for a window: its peaks and the best score of all headings at each position.
 
     Raises:
@@ -148,8 +148,10 @@ def window_answer(answer: Answer, window: Window) -> Answer:
     comparison, table = answer.loaded.comparison, answer.table
     cell = comparison.grid.resolution if isinstance(comparison, ScanOnMap) else None
     along, turns = window.axes(cell)
-    peaks = find_peaks(table, answer.settings.similarity, (along, turns), cell or 1.0)
-    scores = better(answer.settings.similarity, np.where(table.comparable(), table.values, np.nan))
+    peaks = find_local_maxima(table, answer.settings.similarity, (along, turns), cell or 1.0)
+    scores = higher_is_better(
+        answer.settings.similarity, np.where(table.comparable(), table.values, np.nan)
+    )
     highest = scores.max(axis=1).reshape(len(along), len(along))[::-1]
     surface = np.where(np.isfinite(highest), -highest if table.lower else highest, np.nan)
     along_m = along * (cell or 1.0)
@@ -174,17 +176,17 @@ def write_png(answer: Answer) -> bytes:
         )
     assert isinstance(comparison, ScanOnMap | GridsOnMap)
     low = answer.settings.low
-    signs, perceived, corner = side_by_side(
-        signs_of(comparison.grid, low), comparison.perceived(best, near=True)
+    signs, perceived, corner = crop_to_perception(
+        ternary_cells(comparison.grid, low), comparison.perceived(best, near=True)
     )
     robot = None
     if best.pose is not None:
-        u, v, theta = in_cells(comparison.grid, best.pose)
+        u, v, theta = pose_in_cells(comparison.grid, best.pose)
         robot = (corner[1] + len(signs) - v - 0.5, u - corner[0] - 0.5, theta)
     return picture.panels(signs, perceived, robot, best, answer.settings.similarity)
 
 
-def _best_of(answer: Answer) -> Scored:
+def _best_of(answer: Answer) -> ScoredCandidate:
     """The best candidate, or else the first of equals.
 
     Raises:

@@ -17,7 +17,7 @@ from mapcli.formats.documents.similarity_table import (
     turn_name,
 )
 from mapcli.model.counting import counted
-from mapcli.model.similarity import Scored
+from mapcli.model.similarity import ScoredCandidate
 
 MOST_NAMED = 15
 """Ties that are named one by one."""
@@ -62,7 +62,7 @@ def _best_lines(answer: Answer) -> Iterator[str]:
         yield f"  next      {candidate_name(second, answer.unit)}: {number_text(second.score)}"
 
 
-def _cell(answer: Answer, candidate: Scored) -> str:
+def _cell(answer: Answer, candidate: ScoredCandidate) -> str:
     comparison = answer.loaded.comparison
     if candidate.pose is None or not isinstance(comparison, ScanOnMap | GridsOnMap):
         return ""
@@ -85,11 +85,11 @@ def _window_lines(answer: Answer) -> Iterator[str]:
     yield f"  spread    x {x:.3g}, y {y:.3g}, heading {math.degrees(theta):.3g} deg"
 
 
-def _pose(candidate: Scored) -> str:
+def _pose(candidate: ScoredCandidate) -> str:
     return "?" if candidate.pose is None else pose_text(candidate.pose)
 
 
-def candidate_name(candidate: Scored, unit: str) -> str:
+def candidate_name(candidate: ScoredCandidate, unit: str) -> str:
     """`up one cell, 15 deg clockwise`."""
     return f"{position_name(candidate.position, unit)}, {turn_name(candidate.turn_deg)}"
 
@@ -130,7 +130,7 @@ def notes(answer: Answer) -> Iterator[str]:
         yield f"{counted(count, 'candidates')} without anything to compare cannot win"
 
 
-def _score(winners: list[Scored]) -> str:
+def _score(winners: list[ScoredCandidate]) -> str:
     return number_text(winners[0].score) if winners else "nothing"
 
 

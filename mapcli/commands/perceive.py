@@ -8,8 +8,12 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.similarity.candidate_poses import neighbours
-from mapcli.algorithms.similarity.expected_perception import Fan, landmark_database, scan_database
+from mapcli.algorithms.similarity.candidate_poses import neighbour_candidates
+from mapcli.algorithms.similarity.expected_perception import (
+    RangeSensor,
+    landmark_database,
+    scan_database,
+)
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import (
@@ -29,15 +33,15 @@ from mapcli.model.grid import GridMap
 from mapcli.model.perception import (
     STEPS,
     TURNS_DEG,
+    IntendedPose,
     LandmarkPerception,
     PerceptionDatabase,
     ScanPerception,
-    Standpoint,
 )
 from mapcli.model.pose import Pose2D
 from mapcli.model.world import World
 
-FAN = Fan()
+SENSOR = RangeSensor()
 
 
 class Numbers(click.ParamType[Any]):
@@ -77,11 +81,11 @@ def _text(numbers: tuple[float, ...]) -> str:
               help="Headings of the candidates against the intended one.")  # fmt: skip
 @click.option("--alone", is_flag=True, help="Write one perception, the one at the pose itself, "
               "instead of a database.")  # fmt: skip
-@click.option("--beams", type=click.IntRange(1, 100_000), default=FAN.beams, show_default=True,
+@click.option("--beams", type=click.IntRange(1, 100_000), default=SENSOR.beams, show_default=True,
               help="Of the sensor that looks at a grid map or polygons.")  # fmt: skip
-@click.option("--fov-deg", type=Number(0, 360, min_open=True), default=FAN.fov_deg,
+@click.option("--fov-deg", type=Number(0, 360, min_open=True), default=SENSOR.fov_deg,
               show_default=True, help="Degrees that they cover, centred ahead.")  # fmt: skip
-@click.option("--range-max", type=POSITIVE, default=FAN.range_max, show_default=True,
+@click.option("--range-max", type=POSITIVE, default=SENSOR.range_max, show_default=True,
               help="How far it sees, in the map's unit.")  # fmt: skip
 @dialect_option
 @log_input_options
@@ -118,11 +122,11 @@ def command(
     if at is not None:
         data, said = _from_log(source, at, log_input, out, quiet=quiet, verbose=verbose)
     else:
-        place = Standpoint(pose.theta, (pose.x, pose.y)) if pose else Standpoint(
+        place = IntendedPose(pose.theta, (pose.x, pose.y)) if pose else IntendedPose(
             math.radians(heading_deg), cell=cell)  # fmt: skip
         try:
-            fan = Fan(beams, fov_deg, range_max)
-            perception = _from_map(source, place, (steps, turns_deg), fan, dialect, quiet=quiet)
+            sensor = RangeSensor(beams, fov_deg, range_max)
+            perception = _from_map(source, place, (steps, turns_deg), sensor, dialect, quiet=quiet)
         except DataError as error:
             error.file = error.file or source
             raise
@@ -135,17 +139,17 @@ def command(
 
 
 def _from_map(
-    source: str, place: Standpoint, around: tuple[tuple[float, ...], tuple[float, ...]], fan: Fan,
-    dialect: Any, *, quiet: bool,
+    source: str, place: IntendedPose, around: tuple[tuple[float, ...], tuple[float, ...]],
+    sensor: RangeSensor, dialect: Any, *, quiet: bool,
 ) -> PerceptionDatabase:  # fmt: skip
     world = _world(source, dialect, quiet=quiet)
     intended = place.pose(world if isinstance(world, GridMap) else None)
     # The intended heading is always there, whatever the turns.
     steps, turns = around[0], tuple(dict.fromkeys((0.0, *around[1])))
-    candidates = neighbours(steps, turns)
+    candidates = neighbour_candidates(steps, turns)
     if isinstance(world, World) and len(world.points):
         return landmark_database(world, intended, candidates)
-    return scan_database(world, intended, candidates, fan)
+    return scan_database(world, intended, candidates, sensor)
 
 
 def _world(source: str, dialect: Any, *, quiet: bool) -> World | GridMap:
@@ -164,7 +168,7 @@ def _world(source: str, dialect: Any, *, quiet: bool) -> World | GridMap:
 
 
 def _written(
-    database: PerceptionDatabase, place: Standpoint,
+    database: PerceptionDatabase, place: IntendedPose,
     around: tuple[tuple[float, ...], tuple[float, ...]], out: str, *, alone: bool,
 ) -> tuple[bytes, str]:  # fmt: skip
     """The file's bytes, and what to say about it."""

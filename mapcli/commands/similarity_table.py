@@ -9,8 +9,8 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.similarity.candidate_poses import Window
-from mapcli.algorithms.similarity.grid_table import LOW
+from mapcli.algorithms.similarity.candidate_poses import CandidateWindow
+from mapcli.algorithms.similarity.grid_table import FREE_THRESHOLD
 from mapcli.algorithms.similarity.measures import SIMILARITIES
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import (
@@ -41,7 +41,7 @@ FORMATS = ("table", "json", "csv", "markdown")
 
 SIGHTING = NumberList("D,BEARING_DEG")
 
-USUAL_WINDOW = Window(0.0, 15.0)
+USUAL_WINDOW = CandidateWindow(0.0, 15.0)
 
 
 @click.command(short_help="Score the candidate poses of a perception (Table 9.1).")
@@ -49,7 +49,7 @@ USUAL_WINDOW = Window(0.0, 15.0)
 @click.option("--similarity", type=click.Choice(SIMILARITIES), help="How to compare; of l1 and l2 "
               "lower is better.  [default: product; l1 for landmarks and with "
               "--database]")  # fmt: skip
-@click.option("--low", type=Number(0, 1, min_open=True), default=LOW, show_default=True,
+@click.option("--low", type=Number(0, 1, min_open=True), default=FREE_THRESHOLD, show_default=True,
               help="A known cell below this counts as empty.")  # fmt: skip
 @click.option("--bearing-weight", type=NOT_NEGATIVE, default=1.0, show_default=True,
               help="What a radian of bearing counts against a unit of distance.")  # fmt: skip
@@ -172,15 +172,15 @@ def _save(name: str, data: bytes, *, no_clobber: bool) -> None:
 
 def _window(
     xy: float | None, theta_deg: float | None, step_xy: float | None, step_theta_deg: float
-) -> Window | None:
+) -> CandidateWindow | None:
     if xy is None and theta_deg is None:
         return None
     turn = USUAL_WINDOW.theta_deg if theta_deg is None else theta_deg
-    return Window(xy or 0.0, turn, step_xy, step_theta_deg)
+    return CandidateWindow(xy or 0.0, turn, step_xy, step_theta_deg)
 
 
 def _check(
-    loaded: Loaded, window: Window | None, png: str | None, update: str | None,
+    loaded: Loaded, window: CandidateWindow | None, png: str | None, update: str | None,
     sightings: tuple[Any, ...],
 ) -> None:  # fmt: skip
     """Say what does not go together.

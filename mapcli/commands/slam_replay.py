@@ -11,7 +11,7 @@ import click
 from mapcli.algorithms.scans.perception import PerceptionParameters
 from mapcli.algorithms.similarity.measures import SIMILARITIES
 from mapcli.algorithms.slam.local_map import LocalMapParameters
-from mapcli.algorithms.slam.log_odds import units_of
+from mapcli.algorithms.slam.log_odds import log_odds_counts
 from mapcli.algorithms.slam.loop_closure import LoopParameters
 from mapcli.algorithms.slam.match import MatchParameters
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
@@ -194,8 +194,8 @@ def slam_parameters(
         map=replace(
             MAP,
             resolution=resolution,
-            hit=MAP.hit if p_hit is None else units_of(p_hit),
-            miss=MAP.miss if p_miss is None else -units_of(p_miss),
+            hit=MAP.hit if p_hit is None else log_odds_counts(p_hit),
+            miss=MAP.miss if p_miss is None else -log_odds_counts(p_miss),
         ),
         perception=PerceptionParameters(range_min, range_max, no_return),
         match=replace(
@@ -214,10 +214,10 @@ def known_map(base: LoadedMap, parameters: SlamParameters) -> OccupancyGrid:
     """A map of a file, to go on from.
 
     Raises:
-        DataError: of a map that cannot be gone on from, see `OccupancyGrid.of`.
+        DataError: of a map that cannot be gone on from, see `OccupancyGrid.from_grid_map`.
     """
     try:
-        return OccupancyGrid.of(base.grid, parameters.map)
+        return OccupancyGrid.from_grid_map(base.grid, parameters.map)
     except DataError as error:
         error.file = error.file or str(base.files[0])
         raise

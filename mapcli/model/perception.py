@@ -22,7 +22,7 @@ Walls = Literal["thick", "ends"]
 
 
 @dataclass(frozen=True, slots=True)
-class Standpoint:
+class IntendedPose:
     """Where a robot takes itself to be: in metres, or in the middle of a cell.
 
     Attributes:
@@ -62,7 +62,7 @@ class ScanPerception:
     """Kind `scan`: ranges along beams.
 
     Attributes:
-        standpoint: the intended pose.
+        intended_pose: the intended pose.
         beams: shape (n, 2): bearing from the robot's heading, radians, counter-clockwise, and
             range in the map's unit; inf is no return.
         range_max: farther readings are no return.
@@ -73,7 +73,7 @@ class ScanPerception:
         steps, turns_deg: candidates.
     """
 
-    standpoint: Standpoint
+    intended_pose: IntendedPose
     beams: NDArray[np.float64]
     range_max: float
     laser: Pose2D = field(default_factory=Pose2D)
@@ -88,13 +88,13 @@ class LandmarkPerception:
     """Kind `landmarks`: distances and bearings to the points of a points map.
 
     Attributes:
-        standpoint: the intended pose.
+        intended_pose: the intended pose.
         measured: shape (n, 2), in the order of the points: distance in the map's unit, bearing
             in radians; NaN for a landmark that was not seen.
         steps: in the map's unit; turns_deg: degrees.
     """
 
-    standpoint: Standpoint
+    intended_pose: IntendedPose
     measured: NDArray[np.float64]
     steps: tuple[float, ...] = STEPS
     turns_deg: tuple[float, ...] = TURNS_DEG
@@ -121,18 +121,18 @@ class GridPerceptions:
     Attributes:
         candidates: all of the same size.
         corner: row and column of the map where their upper left cell lies; None if not told.
-        standpoint: the intended pose, if told.
+        intended_pose: the intended pose, if told.
         steps: the length of a step, if the positions are named as in the book.
     """
 
     candidates: tuple[GridCandidate, ...]
     corner: tuple[int, int] | None = None
-    standpoint: Standpoint | None = None
+    intended_pose: IntendedPose | None = None
     steps: tuple[float, ...] = STEPS
 
 
 @dataclass(frozen=True, eq=False)
-class Expectation:
+class ExpectedReadings:
     """What a robot expects to read at one pose.
 
     Attributes:
@@ -158,7 +158,7 @@ class PerceptionDatabase:
     """
 
     of: Literal["scan", "landmarks"]
-    expectations: tuple[Expectation, ...]
+    expectations: tuple[ExpectedReadings, ...]
     range_max: float = math.inf
     step: float = 1.0
 

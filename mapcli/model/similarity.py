@@ -18,7 +18,7 @@ EQUAL = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Scored:
+class ScoredCandidate:
     """One candidate and its score.
 
     Attributes:
@@ -59,9 +59,9 @@ class SimilarityTable:
     pose_at: Callable[[int, int], Pose2D | None]
     missing: int = 0
 
-    def __getitem__(self, place: tuple[int, int]) -> Scored:
+    def __getitem__(self, place: tuple[int, int]) -> ScoredCandidate:
         row, column = place
-        return Scored(
+        return ScoredCandidate(
             self.rows[row], self.columns[column], self.pose_at(row, column),
             float(self.values[row, column]), int(self.overlap[row, column]), place,
         )  # fmt: skip
@@ -70,7 +70,7 @@ class SimilarityTable:
         """Where the candidate overlaps the map, so that its score says something."""
         return (self.overlap > 0) & ~np.isnan(self.values)
 
-    def winners(self) -> list[Scored]:
+    def winners(self) -> list[ScoredCandidate]:
         """The best candidate, and all others that score the same, row by row."""
         able = self.comparable()
         if not able.any():
@@ -78,7 +78,7 @@ class SimilarityTable:
         scores = np.where(able, -self.values if self.lower else self.values, -np.inf)
         return [self[int(r), int(c)] for r, c in np.argwhere(scores >= scores.max() - EQUAL)]
 
-    def best(self) -> Scored | None:
+    def best(self) -> ScoredCandidate | None:
         """The first of the winners; None when nothing can be concluded, because no candidate
         overlaps the map or, of several, all score the same."""
         winners = self.winners()
@@ -86,7 +86,7 @@ class SimilarityTable:
             return None
         return winners[0]
 
-    def runner_up(self) -> Scored | None:
+    def runner_up(self) -> ScoredCandidate | None:
         """The best of those that did not win."""
         able = self.comparable()
         for winner in self.winners():

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from mapcli.formats.documents.similarity_table import number_text, position_name, turn_name
-from mapcli.model.peaks import Peaks
+from mapcli.model.local_maxima import LocalMaxima
 from mapcli.model.pose import Pose2D
-from mapcli.model.similarity import Scored
+from mapcli.model.similarity import ScoredCandidate
 from mapcli.pictures.drawing import (
     BLUE,
     FAINT_INK,
@@ -48,7 +48,7 @@ MARGIN, TITLE, LETTERS = 24, 40, 20
 
 
 def panels(map_: Signs, perceived: Signs, robot: tuple[float, float, float] | None,
-           best: Scored, similarity: str) -> bytes:  # fmt: skip
+           best: ScoredCandidate, similarity: str) -> bytes:  # fmt: skip
     """A PNG of m, p and m p.
 
     Args:
@@ -130,7 +130,7 @@ def _robot(image: Image.Image, robot: tuple[float, float, float], size: float) -
     draw_disc(image, x, y, max(size / 5, 5), BLUE, WHITE, 1)
 
 
-def heat_map(surface: Floats, along: Floats, peaks: Peaks, *, lower: bool) -> bytes:
+def heat_map(surface: Floats, along: Floats, peaks: LocalMaxima, *, lower: bool) -> bytes:
     """A PNG of the best score of all headings at each position of a window.
 
     Args:
@@ -164,7 +164,9 @@ def heat_map(surface: Floats, along: Floats, peaks: Peaks, *, lower: bool) -> by
     return png_bytes(image)
 
 
-def _place(candidate: Scored, along: Floats, box: tuple[int, int, int]) -> tuple[float, float]:
+def _place(
+    candidate: ScoredCandidate, along: Floats, box: tuple[int, int, int]
+) -> tuple[float, float]:
     """The middle of a pose's square; the table's rows run right, then up."""
     side = len(along)
     dv, du = divmod(candidate.place[0], side)
@@ -173,7 +175,7 @@ def _place(candidate: Scored, along: Floats, box: tuple[int, int, int]) -> tuple
 
 
 def _peak(
-    image: Image.Image, candidate: Scored, along: Floats, box: tuple[int, int, int],
+    image: Image.Image, candidate: ScoredCandidate, along: Floats, box: tuple[int, int, int],
     colour: Colour, text: str,
 ) -> None:  # fmt: skip
     x, y = _place(candidate, along, box)

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from numpy.typing import NDArray
 from support.paths import FIXTURES
 
-from mapcli.algorithms.slam.log_odds import units_of
+from mapcli.algorithms.slam.log_odds import log_odds_counts
 from mapcli.cli import main
 from mapcli.formats.maps.load import load_map
 
@@ -64,9 +64,12 @@ def test_the_fixture_is_what_its_script_writes(tmp_path: Path) -> None:
 
 
 def test_probabilities_as_counts() -> None:
-    assert (units_of(0.65), units_of(0.35)) == (11, -11)  # ln(13/7) = 0.619 = 10.5 / 17
-    assert (units_of(0.5001), units_of(0.4999)) == (1, -1)
-    assert units_of(0.9933) == 85
+    assert (log_odds_counts(0.65), log_odds_counts(0.35)) == (
+        11,
+        -11,
+    )  # ln(13/7) = 0.619 = 10.5 / 17
+    assert (log_odds_counts(0.5001), log_odds_counts(0.4999)) == (1, -1)
+    assert log_odds_counts(0.9933) == 85
 
 
 def test_bad_probabilities(capsys: pytest.CaptureFixture[str]) -> None:

@@ -157,7 +157,7 @@ def test_perceptions_read_back_as_written(source: str, suffix: str) -> None:
     again = load_perception(f"x.{suffix}")
     assert isinstance(again, ScanPerception | LandmarkPerception)
     assert dump_perception(again, f"x.{suffix}") == data
-    assert again.standpoint == perception.standpoint
+    assert again.intended_pose == perception.intended_pose
     assert again.turns_deg == perception.turns_deg
     if isinstance(perception, ScanPerception) and isinstance(again, ScanPerception):
         np.testing.assert_allclose(again.beams, perception.beams)
@@ -174,7 +174,7 @@ def test_the_scan_at_a_time_of_a_log(capsys: Capture) -> None:
     odom = json.loads(Path("trace.json").read_text())["poses"][150]["odom"]
     scan = load_perception("one.yaml")
     assert isinstance(scan, ScanPerception)
-    found = (*scan.standpoint.xy, scan.standpoint.theta)
+    found = (*scan.intended_pose.xy, scan.intended_pose.theta)
     assert found == pytest.approx((odom["x"], odom["y"], odom["theta"]), abs=2e-6)
 
 

@@ -78,20 +78,20 @@ def test_the_corner(table: Table, perception: str) -> None:
 
 def test_the_grids_are_the_scans_written_out() -> None:
     """Fig. 9.20: of each of the fifteen, the part of five rows of eight cells."""
-    from mapcli.algorithms.similarity.candidate_poses import neighbours
-    from mapcli.algorithms.similarity.grid_table import scan_map
+    from mapcli.algorithms.similarity.candidate_poses import neighbour_candidates
+    from mapcli.algorithms.similarity.grid_table import scan_perception_map
 
     grid = load_map(CORNER).grid
     scan, written = load_perception(SCAN), load_perception(GRIDS)
     assert isinstance(scan, ScanPerception)
     assert isinstance(written, GridPerceptions)
-    candidates = neighbours(scan.steps, scan.turns_deg)
+    candidates = neighbour_candidates(scan.steps, scan.turns_deg)
     assert len(written.candidates) == 15
     for candidate in written.candidates:
         place = candidates.names.index(candidate.position)
         turn = candidates.turns_deg.index(candidate.turn_deg)
-        pose = candidates.pose(scan.standpoint.pose(grid), place, turn, 1.0, 0.0)
-        perceived = scan_map(grid, scan, pose)
+        pose = candidates.pose(scan.intended_pose.pose(grid), place, turn, 1.0, 0.0)
+        perceived = scan_perception_map(grid, scan, pose)
         assert candidate.cells.shape == (5, 8)
         for (row, column), value in np.ndenumerate(candidate.cells):
             v, u = grid.rows - 1 - (row + 1) - perceived.bottom, column + 2 - perceived.left
@@ -289,14 +289,14 @@ def test_small_maps_load_nothing_heavy() -> None:
 
 def test_compiled_and_plain_tables_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     from mapcli.algorithms.similarity import grid_table as similarity_table
-    from mapcli.algorithms.similarity.candidate_poses import Window
+    from mapcli.algorithms.similarity.candidate_poses import CandidateWindow
 
     grid, scan = load_map(CORNER).grid, load_perception(SCAN)
     assert isinstance(scan, ScanPerception)
-    candidates = Window(3, 45, None, 5).candidates(1.0)
+    candidates = CandidateWindow(3, 45, None, 5).candidates(1.0)
     both = []
     for large in (math.inf, 0):
-        monkeypatch.setattr(similarity_table, "LARGE", large)
+        monkeypatch.setattr(similarity_table, "COMPILED_FROM", large)
         both.append(similarity_table.scan_table(grid, scan, candidates, "product"))
     np.testing.assert_array_equal(both[0].values, both[1].values)
     np.testing.assert_array_equal(both[0].overlap, both[1].overlap)

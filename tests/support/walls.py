@@ -1,4 +1,4 @@
-"""Small random maps, their likelihood fields, and scans in them, for the twins of kernels."""
+"""Small random maps, their likelihood pyramid, and scans in them, for the twins of kernels."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.slam._kernels.likelihood_field import update_field
+from mapcli.algorithms.slam._kernels.likelihood_field import update_likelihood_field
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
 from mapcli.algorithms.slam.occupancy_grid import MapParameters
 
 Floats = NDArray[np.float64]
 
-BUMP = MapParameters(resolution=0.05, blur=0.05).bump()
+GAUSSIAN = MapParameters(resolution=0.05, blur=0.05).gaussian_kernel()
 SIZE = 120
 MIDDLE = SIZE / 2
 
@@ -36,9 +36,9 @@ def walls(rng: np.random.Generator, count: int) -> NDArray[np.int16]:
 
 
 def fields_of(log_odds: NDArray[np.int16]) -> NDArray[np.uint8]:
-    fields = np.zeros((len(LEVEL_WIDTHS), *log_odds.shape), np.uint8)
-    update_field(fields, LEVEL_WIDTHS, log_odds, np.flatnonzero(log_odds > 0), BUMP)
-    return fields
+    pyramid = np.zeros((len(LEVEL_WIDTHS), *log_odds.shape), np.uint8)
+    update_likelihood_field(pyramid, LEVEL_WIDTHS, log_odds, np.flatnonzero(log_odds > 0), GAUSSIAN)
+    return pyramid
 
 
 def scan_around(rng: np.random.Generator, log_odds: NDArray[np.int16], n: int) -> Floats:

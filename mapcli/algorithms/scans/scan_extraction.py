@@ -12,7 +12,7 @@ from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.scans.perception import FARTHEST, PerceptionParameters
 from mapcli.errors import DataError
 from mapcli.model.log import select
-from mapcli.model.perception import ScanPerception, Standpoint
+from mapcli.model.perception import IntendedPose, ScanPerception
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.scan import RangeScan, Record
 
@@ -105,7 +105,7 @@ def scan_perception(
     mount = scan.mount.pose
     bearings = [wrap_angle(b + mount.theta) for b in scan.bearings()[valid].tolist()]
     return ScanPerception(
-        Standpoint(pose.theta, (pose.x, pose.y)),
+        IntendedPose(pose.theta, (pose.x, pose.y)),
         np.column_stack([bearings, ranges[valid]]),
         farthest,
         Pose2D(mount.x, mount.y),

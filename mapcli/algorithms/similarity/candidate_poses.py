@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 DIRECTIONS = (("up", 0, 1), ("down", 0, -1), ("left", -1, 0), ("right", 1, 0))
 
-MOST = 20_000_000
+MAX_POSES = 20_000_000
 """Poses of a window; more would take minutes and gigabytes."""
 
 
@@ -50,7 +50,7 @@ class Candidates:
         )  # fmt: skip
 
 
-def neighbours(steps: Sequence[float], turns_deg: Sequence[float]) -> Candidates:
+def neighbour_candidates(steps: Sequence[float], turns_deg: Sequence[float]) -> Candidates:
     """The intended position and, for each step, its neighbours up, down, left and right."""
     names, offsets = [INTENDED], [(0.0, 0.0)]
     for step in steps:
@@ -61,7 +61,7 @@ def neighbours(steps: Sequence[float], turns_deg: Sequence[float]) -> Candidates
 
 
 @dataclass(frozen=True)
-class Window:
+class CandidateWindow:
     """A window of poses around the intended one.
 
     Attributes:
@@ -84,10 +84,10 @@ class Window:
         step = self._step(cell)
         reach = math.floor(self.xy / (cell or 1.0) / step + 1e-9)
         turns = math.floor(self.theta_deg / self.step_theta_deg + 1e-9)
-        if (2 * reach + 1) ** 2 * (2 * turns + 1) > MOST:
+        if (2 * reach + 1) ** 2 * (2 * turns + 1) > MAX_POSES:
             raise DataError(
                 f"the window has {(2.0 * reach + 1) ** 2 * (2 * turns + 1):,.0f} poses",
-                expected=f"at most {MOST:,}; take larger steps or a smaller window",
+                expected=f"at most {MAX_POSES:,}; take larger steps or a smaller window",
             )
         whole = np.arange(-max(reach, turns), max(reach, turns) + 1, dtype=np.float64)
         middle = len(whole) // 2

@@ -15,7 +15,7 @@ from mapcli.algorithms.scans.ray_casting import cast, edges_of, is_inside
 from mapcli.algorithms.similarity.candidate_poses import Candidates
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
-from mapcli.model.perception import Expectation, PerceptionDatabase
+from mapcli.model.perception import ExpectedReadings, PerceptionDatabase
 from mapcli.model.pose import Pose2D
 from mapcli.model.world import World
 
@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Fan:
+class RangeSensor:
     """The beams of a range sensor.
 
     Attributes:
@@ -48,13 +48,13 @@ class Fan:
         return -math.radians(self.fov_deg) / 2 if self.beams > 1 else 0.0
 
 
-def expected_ranges(edges: Floats, pose: Pose2D, fan: Fan) -> Floats:
+def expected_ranges(edges: Floats, pose: Pose2D, sensor: RangeSensor) -> Floats:
     """Bearing and range of each beam, shape (n, 2); inf where nothing is in range.
 
     `edges` are of `raycast.edges_of`.
     """
-    ranges = cast(edges, pose, fan.first, fan.increment, fan.beams, fan.range_max)
-    return np.column_stack([fan.first + fan.increment * np.arange(fan.beams), ranges])
+    ranges = cast(edges, pose, sensor.first, sensor.increment, sensor.beams, sensor.range_max)
+    return np.column_stack([sensor.first + sensor.increment * np.arange(sensor.beams), ranges])
 
 
 def expected_landmarks(points: Floats, poses: Floats) -> Floats:
@@ -73,7 +73,7 @@ def expected_landmarks(points: Floats, poses: Floats) -> Floats:
 
 
 def scan_database(
-    world: World | GridMap, intended: Pose2D, candidates: Candidates, fan: Fan
+    world: World | GridMap, intended: Pose2D, candidates: Candidates, sensor: RangeSensor
 ) -> PerceptionDatabase:
     """The scans expected at all candidates. Those inside an obstacle or outside a grid map are
     left out.
@@ -86,20 +86,22 @@ def scan_database(
     expectations = []
     for name, turn_deg, pose in _poses(world, intended, candidates):
         if _can_stand(world, pose):
-            ranges = expected_ranges(edges, pose, fan)
-            expectations.append(Expectation(name, turn_deg, pose, ranges))
+            ranges = expected_ranges(edges, pose, sensor)
+            expectations.append(ExpectedReadings(name, turn_deg, pose, ranges))
         elif pose == intended:
             raise DataError(
                 f"pose: x {pose.x:g}, y {pose.y:g} is in an obstacle or outside the map",
                 expected="a place where a robot can stand",
             )
-    return PerceptionDatabase("scan", tuple(expectations), fan.range_max, _step(candidates) * cell)
+    return PerceptionDatabase(
+        "scan", tuple(expectations), sensor.range_max, _step(candidates) * cell
+    )
 
 
 def landmark_database(world: World, intended: Pose2D, candidates: Candidates) -> PerceptionDatabase:
     """The distances and bearings expected at all candidates."""
     expectations = [
-        Expectation(
+        ExpectedReadings(
             name, turn_deg, pose,
             expected_landmarks(world.points, np.array([[pose.x, pose.y, pose.theta]]))[0],
         )
@@ -134,7 +136,7 @@ def _step(candidates: Candidates) -> float:
     return float(lengths[lengths > 0].min()) if (lengths > 0).any() else 1.0
 
 
-def point_seen(pose: Pose2D, distance: float, bearing: float) -> tuple[float, float]:
+def obstacle_position(pose: Pose2D, distance: float, bearing: float) -> tuple[float, float]:
     """Where on the map an obstacle is that is perceived at a pose (Activity 9.4)."""
     angle = pose.theta + bearing
     return pose.x + distance * math.cos(angle), pose.y + distance * math.sin(angle)

@@ -1,6 +1,6 @@
 """Lines 5 to 8 of Algorithm 9.2, all scores kept: the similarity table of Sect. 9.5.
 
-`scan_counts` is what `slam-replay --search book` compares with, too (`slam.book_matcher`).
+`scan_pair_counts` also serves `slam-replay --search book` (`slam/book_matcher.py`).
 """
 
 from __future__ import annotations
@@ -9,14 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
-from mapcli.algorithms.similarity.candidate_poses import Candidates, neighbours
-from mapcli.algorithms.similarity.measures import LOWER_IS_BETTER, SignMap, Similarity, of_counts
+from mapcli.algorithms.similarity.candidate_poses import Candidates, neighbour_candidates
+from mapcli.algorithms.similarity.measures import (
+    LOWER_IS_BETTER,
+    Similarity,
+    TernaryMap,
+    similarity_of_counts,
+)
 from mapcli.algorithms.similarity.perception_map import (
     Box,
-    Outline,
     PerceptionMap,
-    outline,
+    ScanOutline,
     perception_map,
+    scan_outline,
 )
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
@@ -24,16 +29,16 @@ from mapcli.model.perception import GridPerceptions, ScanPerception
 from mapcli.model.pose import Pose2D
 from mapcli.model.similarity import SimilarityTable
 
-LOW = 0.5
+FREE_THRESHOLD = 0.5
 """A known cell below it is empty (Sect. 9.2)."""
 
-LARGE = 1_000_000
+COMPILED_FROM = 1_000_000
 """Poses times beams from which on compiled loops are worth the second that loading them takes."""
 
 Floats = NDArray[np.float64]
 
 
-def signs_of(grid: GridMap, low: float = LOW) -> NDArray[np.int8]:
+def ternary_cells(grid: GridMap, low: float = FREE_THRESHOLD) -> NDArray[np.int8]:
     """The map as a matrix of Sect. 9.5, bottom-up: -1 empty, +1 obstacle, 0 unknown."""
     cells = grid.bottom_up()
     signs = np.where(cells < np.float32(low), -1, 1).astype(np.int8)
@@ -41,7 +46,7 @@ def signs_of(grid: GridMap, low: float = LOW) -> NDArray[np.int8]:
     return signs
 
 
-def seen_by(scan: ScanPerception) -> Perception:
+def perception_of_scan(scan: ScanPerception) -> Perception:
     """A perception file's scan as the replay has them: ends of beams in the robot's frame."""
     bearing, reach = scan.beams.T
     rays = np.column_stack([np.cos(bearing), np.sin(bearing)])
@@ -53,15 +58,15 @@ def seen_by(scan: ScanPerception) -> Perception:
     return Perception(hits, open_ends, np.array([scan.laser.x, scan.laser.y]))
 
 
-def in_cells(grid: GridMap, pose: Pose2D) -> Floats:
+def pose_in_cells(grid: GridMap, pose: Pose2D) -> Floats:
     """(u, v, theta) of a world pose in a map's cells, u along its rows and v up its columns."""
     row, column = grid.fractional_cells_of_world([[pose.x, pose.y]])[0]
     return np.array([column + 0.5, grid.rows - row - 0.5, pose.theta - grid.origin.theta])
 
 
-def scan_counts(
-    current: SignMap,
-    scan: Outline,
+def scan_pair_counts(
+    current: TernaryMap,
+    scan: ScanOutline,
     start: Floats,
     turns: Floats,
     offsets: Floats,
@@ -73,13 +78,13 @@ def scan_counts(
     Moved by whole cells, a perception map stays the same, so one for each turn is enough.
 
     Args:
-        current: m; scan: from `outline`.
+        current: m; scan: from `scan_outline`.
         start: (u, v, theta), the intended pose in cells.
         turns: radians; offsets: shape (k, 2), cells.
         compiled: with the loops compiled by numba.
 
     Returns:
-        shape (turns, k, 2, 2), see `SignMap.counts`.
+        shape (turns, k, 2, 2), see `TernaryMap.counts`.
     """
     result = np.zeros((len(turns), len(offsets), 2, 2), np.int64)
     whole = np.floor(offsets + 1e-9).astype(np.int64)
@@ -102,44 +107,45 @@ def scan_table(
     scan: ScanPerception,
     candidates: Candidates,
     similarity: Similarity,
-    low: float = LOW,
+    low: float = FREE_THRESHOLD,
 ) -> SimilarityTable:
     """Score a scan at every candidate.
 
     Raises:
         DataError: the intended pose is outside the map, the perception is absurdly large.
     """
-    intended = scan.standpoint.pose(grid)
-    counts = scan_counts(
-        SignMap(signs_of(grid, low)),
-        outline(seen_by(scan), grid.resolution, scan.walls),
-        in_cells(grid, intended),
+    intended = scan.intended_pose.pose(grid)
+    counts = scan_pair_counts(
+        TernaryMap(ternary_cells(grid, low)),
+        scan_outline(perception_of_scan(scan), grid.resolution, scan.walls),
+        pose_in_cells(grid, intended),
         np.radians(candidates.turns_deg),
         candidates.offsets,
-        compiled=len(candidates.offsets) * len(candidates.turns_deg) * len(scan.beams) > LARGE,
+        compiled=len(candidates.offsets) * len(candidates.turns_deg) * len(scan.beams)
+        > COMPILED_FROM,
     ).swapaxes(0, 1)
-    values, overlap = of_counts(similarity, counts), counts.sum(axis=(2, 3))
+    values, overlap = similarity_of_counts(similarity, counts), counts.sum(axis=(2, 3))
     cell, yaw = grid.resolution, grid.origin.theta
     return table_of(similarity, candidates, values, overlap, (intended, cell, yaw))
 
 
-def scan_map(
+def scan_perception_map(
     grid: GridMap, scan: ScanPerception, pose: Pose2D, within: Box | None = None
 ) -> PerceptionMap:
     """What a scan says about the cells of a map, and beyond, if it was taken at a world pose."""
-    drawn = outline(seen_by(scan), grid.resolution, scan.walls)
-    return perception_map(drawn, in_cells(grid, pose), within)
+    drawn = scan_outline(perception_of_scan(scan), grid.resolution, scan.walls)
+    return perception_map(drawn, pose_in_cells(grid, pose), within)
 
 
 def grid_table(
-    grid: GridMap, perception: GridPerceptions, similarity: Similarity, low: float = LOW
+    grid: GridMap, perception: GridPerceptions, similarity: Similarity, low: float = FREE_THRESHOLD
 ) -> SimilarityTable:
     """Score perception maps that are written out (Fig. 9.20).
 
     Raises:
         DataError: they do not fit into the map, or the intended pose is outside it.
     """
-    current, here = SignMap(signs_of(grid, low)), np.zeros((1, 2), np.int64)
+    current, here = TernaryMap(ternary_cells(grid, low)), np.zeros((1, 2), np.int64)
     given = perception.candidates
     rows = tuple(dict.fromkeys(c.position for c in given))
     columns = tuple(dict.fromkeys(c.turn_deg for c in given))
@@ -147,10 +153,10 @@ def grid_table(
     overlap = np.zeros(values.shape, np.int64)
     for k, c in enumerate(given):
         place = rows.index(c.position), columns.index(c.turn_deg)
-        counts = current.counts(written_out(grid, perception, k), here)[0]
-        values[place], overlap[place] = of_counts(similarity, counts), counts.sum()
-    usual = neighbours(perception.steps, columns)
-    intended = None if perception.standpoint is None else perception.standpoint.pose(grid)
+        counts = current.counts(candidate_perception_map(grid, perception, k), here)[0]
+        values[place], overlap[place] = similarity_of_counts(similarity, counts), counts.sum()
+    usual = neighbour_candidates(perception.steps, columns)
+    intended = None if perception.intended_pose is None else perception.intended_pose.pose(grid)
 
     def pose_at(row: int, column: int) -> Pose2D | None:
         if intended is None or rows[row] not in usual.names:
@@ -163,7 +169,9 @@ def grid_table(
     return SimilarityTable(similarity, lower, rows, columns, values, overlap, pose_at, missing)
 
 
-def written_out(grid: GridMap, perception: GridPerceptions, index: int) -> PerceptionMap:
+def candidate_perception_map(
+    grid: GridMap, perception: GridPerceptions, index: int
+) -> PerceptionMap:
     """The perception map of one candidate, at its place in the map.
 
     Raises:

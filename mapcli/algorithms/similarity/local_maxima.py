@@ -12,21 +12,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.similarity.measures import Similarity, better
+from mapcli.algorithms.similarity.measures import Similarity, higher_is_better
 from mapcli.errors import DataError
-from mapcli.model.peaks import Peaks
+from mapcli.model.local_maxima import LocalMaxima
 from mapcli.model.similarity import SimilarityTable
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-def find_peaks(table: SimilarityTable, similarity: Similarity, window: tuple[Floats, Floats],
-               cell: float) -> Peaks:  # fmt: skip
+def find_local_maxima(table: SimilarityTable, similarity: Similarity, window: tuple[Floats, Floats],
+               cell: float) -> LocalMaxima:  # fmt: skip
     """The peaks of a table of all poses of a window.
 
     Args:
-        window: offsets along one axis in cells and turns in degrees, as of `Window.axes`.
+        window: offsets along one axis in cells and turns in degrees, as of `CandidateWindow.axes`.
         cell: the size of a cell.
 
     Raises:
@@ -35,7 +35,7 @@ def find_peaks(table: SimilarityTable, similarity: Similarity, window: tuple[Flo
     along, turns = window
     side = len(along)
     values = np.where(table.comparable(), table.values, np.nan)
-    scores = better(similarity, values).T.reshape(len(turns), side, side)
+    scores = higher_is_better(similarity, values).T.reshape(len(turns), side, side)
     able = np.isfinite(scores)
     if not able.any():
         raise DataError("no pose of the window overlaps the map; nothing can be concluded")
@@ -56,7 +56,7 @@ def find_peaks(table: SimilarityTable, similarity: Similarity, window: tuple[Flo
         size > 1 and k in (0, size - 1) for k, size in zip(peak, scores.shape, strict=True)
     )
     covariance = _covariance(np.where(hill, scores - foot, 0.0), along * cell, turns)
-    return Peaks(
+    return LocalMaxima(
         table[_place(peak, side)], None if second is None else table[_place(second, side)],
         share, covariance, len(best), border,
     )  # fmt: skip

@@ -11,7 +11,7 @@ from mapcli.model.grid import UNKNOWN, GridMap
 from mapcli.model.pose import Pose2D
 
 
-def updated(grid: GridMap, perceived: PerceptionMap, low: float) -> GridMap:
+def update_map(grid: GridMap, perceived: PerceptionMap, low: float) -> GridMap:
     """The map with a perception written into it.
 
     Cells that the perception knows become 0 or 1; where the map says the same already, its
@@ -48,7 +48,7 @@ BOOK_SIDE = 64
 """Maps up to this many rows and columns are shown as a whole."""
 
 
-def side_by_side(
+def crop_to_perception(
     signs: NDArray[np.int8], perceived: PerceptionMap
 ) -> tuple[NDArray[np.int8], NDArray[np.int8], tuple[int, int]]:
     """The same cells of map and perception, top row first, and their column and row (from below).

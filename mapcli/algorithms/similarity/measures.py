@@ -42,13 +42,13 @@ _AT_ONCE = 2_000_000
 """Places looked up at a time, which bounds the memory."""
 
 
-def better(similarity: Similarity, scores: Floats) -> Floats:
+def higher_is_better(similarity: Similarity, scores: Floats) -> Floats:
     """Scores of which the highest is the best; -inf where there is none."""
     signed = -scores if similarity in LOWER_IS_BETTER else scores
     return np.where(np.isnan(signed), -np.inf, signed)
 
 
-class SignMap:
+class TernaryMap:
     """The current map m, made ready for summing along its rows.
 
     Attributes:
@@ -78,7 +78,7 @@ class SignMap:
             shape (k, 2, 2): cells by what p holds (empty, obstacle) and what m holds.
         """
         if compiled:
-            from mapcli.algorithms.similarity._kernels.sign_counts import count, find_runs
+            from mapcli.algorithms.similarity._kernels.pair_counts import count, find_runs
 
             found = find_runs(perceived.values)
             counted: Counts = count(self._sums, *_placed_runs(found, perceived), offsets)
@@ -125,7 +125,7 @@ def _placed_runs(
     return row + perceived.bottom, start + left, end + left, value == 1
 
 
-def of_counts(similarity: Similarity, counts: Counts) -> Floats:
+def similarity_of_counts(similarity: Similarity, counts: Counts) -> Floats:
     """The similarity of matrices from their counts, shape (..., 2, 2); see the module.
 
     NaN where it is not defined; `product` of nothing is 0.
@@ -147,7 +147,7 @@ def of_counts(similarity: Similarity, counts: Counts) -> Floats:
     return np.where(agree + differ > 0, distance, np.nan)
 
 
-def of_readings(
+def similarity_of_readings(
     similarity: Similarity, expected: Floats, measured: Floats, tolerance: Floats
 ) -> Floats:
     """The similarity of measured readings to those expected at each of k poses.

@@ -65,7 +65,7 @@ class PerceptionMap:
 
 
 @dataclass(frozen=True, eq=False)
-class Outline:
+class ScanOutline:
     """A scan as closed paths in the robot's frame, in cells; all of shape (n, 2).
 
     Attributes:
@@ -78,7 +78,7 @@ class Outline:
     ends: Floats
 
 
-def outline(perception: Perception, cell: float, walls: Walls = "thick") -> Outline:
+def scan_outline(perception: Perception, cell: float, walls: Walls = "thick") -> ScanOutline:
     """Face and back of a scan; `cell` is the size of a cell in the unit of the ranges.
 
     `walls` chooses the majority rule (`thick`) or the rule of ends.
@@ -91,7 +91,7 @@ def outline(perception: Perception, cell: float, walls: Walls = "thick") -> Outl
     bearing, length, ends = bearing[order], length[order], ends[order]
     none = np.empty((0, 2))
     if not len(ends):
-        return Outline(none, none, none)
+        return ScanOutline(none, none, none)
     gap = np.diff(bearing, append=bearing[0] + math.tau)
     usual = min(WIDEST, float(np.sort(gap)[(len(gap) - 1) // 2]))
     joined = gap <= 1.5 * usual + EXACT
@@ -117,8 +117,8 @@ def outline(perception: Perception, cell: float, walls: Walls = "thick") -> Outl
     rays = np.stack([np.cos(bearings), np.sin(bearings)], axis=2)
     paths = [(rays * radii[..., None]).swapaxes(0, 1).reshape(-1, 2) for radii in (face, back)]
     if walls == "ends":
-        return Outline(paths[0] + laser, paths[0] + laser, perception.hits / cell)
-    return Outline(paths[0] + laser, paths[1] + laser, none)
+        return ScanOutline(paths[0] + laser, paths[0] + laser, perception.hits / cell)
+    return ScanOutline(paths[0] + laser, paths[1] + laser, none)
 
 
 def _walls(
@@ -134,12 +134,12 @@ def _walls(
 
 
 def perception_map(
-    scan: Outline, pose: Floats, within: Box | None = None, *, compiled: bool = False
+    scan: ScanOutline, pose: Floats, within: Box | None = None, *, compiled: bool = False
 ) -> PerceptionMap:
     """What a scan says about the cells of the map if it was taken at a pose.
 
     Args:
-        scan: from `outline`, with the map's cell size.
+        scan: from `scan_outline`, with the map's cell size.
         pose: (u, v, theta) of the robot, in cells and radians.
         within: only these cells are written out.
         compiled: draw it with loops compiled by numba, which takes longer to load.
@@ -152,7 +152,7 @@ def perception_map(
     face, back = _placed(scan.face, pose), _placed(scan.back, pose)
     box = _box(back, within)
     if compiled:
-        from mapcli.algorithms.similarity._kernels.sign_counts import draw
+        from mapcli.algorithms.similarity._kernels.pair_counts import draw
 
         rows, columns = box[3] - box[1], box[2] - box[0]
         values = draw(face, back, box[0], box[1], rows, columns, EXACT)

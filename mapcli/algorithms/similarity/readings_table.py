@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 from mapcli.algorithms.similarity.candidate_poses import Candidates
 from mapcli.algorithms.similarity.expected_perception import expected_landmarks
 from mapcli.algorithms.similarity.grid_table import table_of
-from mapcli.algorithms.similarity.measures import LOWER_IS_BETTER, Similarity, of_readings
+from mapcli.algorithms.similarity.measures import (
+    LOWER_IS_BETTER,
+    Similarity,
+    similarity_of_readings,
+)
 from mapcli.errors import DataError
 from mapcli.model.perception import LandmarkPerception, PerceptionDatabase, ScanPerception
 from mapcli.model.pose import Pose2D
@@ -39,7 +43,7 @@ def landmark_table(
         DataError: another number of landmarks than the map has points.
     """
     _same_count(len(perception.measured), len(world.points), "point of the map")
-    intended = perception.standpoint.pose(None)
+    intended = perception.intended_pose.pose(None)
     shape = len(candidates.names), len(candidates.turns_deg)
     poses = [candidates.pose(intended, r, c, 1.0, 0.0) for r, c in np.ndindex(shape)]
     array = np.array([(pose.x, pose.y, pose.theta) for pose in poses])
@@ -60,7 +64,7 @@ def _landmark_scores(
     turns = [abs(turn) for turn in perception.turns_deg if turn] or [15.0]
     scale = np.array([1.0, weight])
     tolerance = np.array([step, math.radians(min(turns))])
-    return of_readings(similarity, expected * scale, measured * scale, tolerance * scale)
+    return similarity_of_readings(similarity, expected * scale, measured * scale, tolerance * scale)
 
 
 def seen(measured: Floats) -> int:
@@ -113,7 +117,7 @@ def _scan_scores(
             )
         expected.append(np.minimum(theirs[:, 1], scan.range_max))
     measured = np.minimum(reach, scan.range_max)[:, None]
-    return of_readings(similarity, np.stack(expected)[..., None], measured,
+    return similarity_of_readings(similarity, np.stack(expected)[..., None], measured,
                        np.array([database.step]))  # fmt: skip
 
 

@@ -21,4 +21,4 @@ def agreement(
         points: shape (n, 2), in the robot's frame, in cells.
         pose: (u, v, theta) of the robot in the map, in cells and radians (`pose_to_cells`).
     """
-    return count_agreement(grid.log_odds, grid.fields[0], points, pose)
+    return count_agreement(grid.log_odds, grid.pyramid[0], points, pose)

@@ -11,17 +11,22 @@ import math
 import numpy as np
 
 from mapcli.algorithms.scans.perception import Perception
-from mapcli.algorithms.similarity.candidate_poses import neighbours
-from mapcli.algorithms.similarity.grid_table import scan_counts
-from mapcli.algorithms.similarity.measures import SignMap, Similarity, better, of_counts
-from mapcli.algorithms.similarity.perception_map import outline
+from mapcli.algorithms.similarity.candidate_poses import neighbour_candidates
+from mapcli.algorithms.similarity.grid_table import scan_pair_counts
+from mapcli.algorithms.similarity.measures import (
+    Similarity,
+    TernaryMap,
+    higher_is_better,
+    similarity_of_counts,
+)
+from mapcli.algorithms.similarity.perception_map import scan_outline
 from mapcli.algorithms.slam.agreement import agreement
 from mapcli.algorithms.slam.match import Match
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.model.perception import STEPS, TURNS_DEG
 from mapcli.model.pose import Pose2D
 
-FIFTEEN = neighbours(STEPS, TURNS_DEG)
+FIFTEEN = neighbour_candidates(STEPS, TURNS_DEG)
 """The poses of Sect. 9.5."""
 
 
@@ -40,21 +45,21 @@ def best_of_fifteen(
     points = np.concatenate([perception.hits, perception.open_ends, perception.laser[None]])
     reach = 3 * cell + float(np.hypot(*points.T).max())
     middle = np.array([predicted.x, predicted.y])
-    grid.cover(middle - reach, middle + reach)
+    grid.extend_to(middle - reach, middle + reach)
     start = grid.pose_to_cells(predicted)
     # Only the part of the map that can be reached is compared.
     low = np.floor(start[:2] - reach / cell).astype(np.int64)
     high = np.ceil(start[:2] + reach / cell).astype(np.int64)
     part = np.sign(grid.log_odds[low[1] : high[1], low[0] : high[0]]).astype(np.int8)
-    counts = scan_counts(
-        SignMap(part),
-        outline(perception, cell, walls="ends"),
+    counts = scan_pair_counts(
+        TernaryMap(part),
+        scan_outline(perception, cell, walls="ends"),
         start - np.append(low, 0),
         np.radians(FIFTEEN.turns_deg),
         FIFTEEN.offsets,
         compiled=True,
     ).swapaxes(0, 1)
-    scores = better(similarity, of_counts(similarity, counts))
+    scores = higher_is_better(similarity, similarity_of_counts(similarity, counts))
     scores[counts.sum(axis=(2, 3)) == 0] = -np.inf
     position, turn = np.unravel_index(int(np.argmax(scores)), scores.shape)
     best = start + np.append(FIFTEEN.offsets[position], math.radians(FIFTEEN.turns_deg[turn]))

@@ -84,4 +84,4 @@ def _cover(
     cell = grid.parameters.resolution
     slack = poses.reach * cell + float(np.hypot(*points.T).max()) + max(LEVEL_WIDTHS) * cell
     centre = np.array([middle.x, middle.y])
-    grid.cover(centre - slack, centre + slack)
+    grid.extend_to(centre - slack, centre + slack)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from mapcli.errors import DataError
 
 
-def grown(first: int, last: int, start: int, length: int, least: int) -> tuple[int, int]:
+def grow_interval(first: int, last: int, start: int, length: int, least: int) -> tuple[int, int]:
     """The first and the last place along one axis of an array that is to hold `first` to `last`.
 
     Args:
@@ -25,7 +25,7 @@ def grown(first: int, last: int, start: int, length: int, least: int) -> tuple[i
     )
 
 
-def too_large(metres: NDArray[np.float64]) -> DataError:
+def map_too_large(metres: NDArray[np.float64]) -> DataError:
     """The error of a map that no sane log makes."""
     return DataError(
         f"the map would be {metres[0]:,.0f} m x {metres[1]:,.0f} m",

@@ -1,8 +1,12 @@
-"""The likelihood field: how well a beam's end fits each place of a map (Thrun 2001).
+"""The likelihood field of a map (Thrun 2001), and its max-pooled pyramid for branch and bound.
 
-255 on a wall, falling off as a Gaussian around it, with coarser levels that bound it over squares
-of cells for the branch and bound of `matching`. While a map grows, its field follows the cells that
-change (`_kernels.likelihood.update_field`); here it is made in one go.
+The field says, for every cell, how well the end of a beam fits there: 255 in an occupied cell,
+falling off as a Gaussian around it. The pyramid's level k holds, for every cell, the maximum of the
+field over the LEVEL_WIDTHS[k] x LEVEL_WIDTHS[k] cells from it on: the upper bounds of
+`_kernels/branch_and_bound.py`. Level 0 is the field itself.
+
+`build_pyramid` makes both in one go; while a map grows, its pyramid follows the cells that change
+(`_kernels/likelihood_field.py`: `update_likelihood_field`).
 """
 
 from __future__ import annotations
@@ -13,38 +17,38 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.slam._kernels.likelihood_field import WALL, update_field
+from mapcli.algorithms.slam._kernels.likelihood_field import MAX_LIKELIHOOD, update_likelihood_field
 
 LEVEL_WIDTHS = np.array([1, 2, 4, 16], dtype=np.int64)
 """Cells a side that one value of each level of the field bounds."""
 
 
-def bump_of(sigma: float) -> NDArray[np.uint8]:
+def gaussian_kernel(sigma: float) -> NDArray[np.uint8]:
     """The likelihood field around one wall cell, shape (2 r + 1, 2 r + 1); `sigma` in cells."""
     radius = math.ceil(3 * sigma)
     steps = np.arange(-radius, radius + 1)
     squares = steps[:, None] ** 2 + steps[None, :] ** 2
-    values = np.round(WALL * np.exp(-squares / (2 * sigma**2)))
+    values = np.round(MAX_LIKELIHOOD * np.exp(-squares / (2 * sigma**2)))
     return np.where(squares <= (radius + 0.5) ** 2, values, 0).astype(np.uint8)
 
 
-def make_levels(
-    fields: NDArray[np.uint8], log_odds: NDArray[np.int16], bump: NDArray[np.uint8]
+def build_pyramid(
+    pyramid: NDArray[np.uint8], log_odds: NDArray[np.int16], gaussian: NDArray[np.uint8]
 ) -> None:
     """Fill the field, and the levels that bound it, of a map that has none yet.
 
     Args:
-        fields: shape (levels, rows, columns), zeros; log_odds: the map, shape (rows, columns).
+        pyramid: shape (levels, rows, columns), zeros; log_odds: the map, shape (rows, columns).
     """
     walls = np.flatnonzero(log_odds > 0)
     if not len(walls):
         return
-    update_field(fields, LEVEL_WIDTHS[:1], log_odds, walls, bump)
-    part = fields[:, *_around(walls, log_odds.shape[1], len(bump) // 2)]
+    update_likelihood_field(pyramid, LEVEL_WIDTHS[:1], log_odds, walls, gaussian)
+    part = pyramid[:, *_around(walls, log_odds.shape[1], len(gaussian) // 2)]
     for level, (width, wider) in enumerate(pairwise(LEVEL_WIDTHS.tolist()), start=1):
         bound = part[level - 1]
         for axis in (0, 1):
-            bound = highest_ahead(bound, wider // width, width, axis)
+            bound = max_pool_ahead(bound, wider // width, width, axis)
         part[level] = bound
 
 
@@ -58,7 +62,7 @@ def _around(walls: NDArray[np.int64], columns: int, reach: int) -> tuple[slice, 
     )
 
 
-def highest_ahead(
+def max_pool_ahead(
     values: NDArray[np.uint8], count: int, stride: int, axis: int
 ) -> NDArray[np.uint8]:
     """For every place the highest of `count` values along an axis, `stride` apart, from it on."""

@@ -94,20 +94,20 @@ class LocalMap:
             self._next, self._next_from = self._begin_at(pose), self._metres
         if self._next is None:
             return
-        self._next.integrate(pose, perception, field=False)
+        self._next.integrate(pose, perception, update_field=False)
         self._next_scans.append((pose, perception))
         if self._metres >= p.max_length_m and len(self._next_scans) >= p.min_updates:
             self._take_over(self._next)
 
     def _take_over(self, grid: OccupancyGrid) -> None:
-        grid.make_field()
+        grid.build_likelihood_field()
         for pose, perception in self._next_scans:
-            grid.bridge(pose, perception)
+            grid.interpolate_gaps(pose, perception)
         self.grid, self._next, self._next_scans = grid, None, []
         self._metres -= self._next_from
 
     def _begin_at(self, pose: Pose2D) -> OccupancyGrid:
         """An empty map with room for what is likely to come, so that it need not grow often."""
         grid, here = OccupancyGrid(self.grid.parameters), np.array([pose.x, pose.y])
-        grid.cover(here - ROOM_M, here + ROOM_M)
+        grid.extend_to(here - ROOM_M, here + ROOM_M)
         return grid

@@ -91,5 +91,5 @@ def rebuild(
     """The map that the keyframes make at these poses; it has no likelihood field."""
     grid = OccupancyGrid(map_)
     for keyframe in trajectory.keyframes:
-        grid.integrate(poses[keyframe.scan], keyframe.perception, field=False)
+        grid.integrate(poses[keyframe.scan], keyframe.perception, update_field=False)
     return grid

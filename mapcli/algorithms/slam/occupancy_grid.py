@@ -16,11 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
-from mapcli.algorithms.slam._kernels.likelihood_field import bridge_walls, update_field
+from mapcli.algorithms.slam._kernels.likelihood_field import (
+    interpolate_gaps,
+    update_likelihood_field,
+)
 from mapcli.algorithms.slam._kernels.ray_tracing import FAR, integrate_beams, place_beams
-from mapcli.algorithms.slam.growing_array import grown, too_large
-from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS, bump_of, make_levels
-from mapcli.algorithms.slam.log_odds import log_odds_of, probabilities_of
+from mapcli.algorithms.slam.growing_array import grow_interval, map_too_large
+from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS, build_pyramid, gaussian_kernel
+from mapcli.algorithms.slam.log_odds import log_odds_from_probabilities, probability_by_count
 from mapcli.algorithms.slam.surfel_map import SurfelMap
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
@@ -30,7 +33,7 @@ BLOCK = 256
 """The array grows by whole blocks of cells."""
 
 MARGIN = 32
-"""Cells around everything that is covered, for the field's bumps and the coarsest level."""
+"""Cells around everything that is covered, for the field's Gaussians and the coarsest level."""
 
 NOTHING = FAR, FAR, -FAR, -FAR
 """A box that holds no cell."""
@@ -66,33 +69,33 @@ class MapParameters:
                 f"resolution {self.resolution:g}", expected="0.001 to 100 metres per cell"
             )
 
-    def bump(self) -> NDArray[np.uint8]:
+    def gaussian_kernel(self) -> NDArray[np.uint8]:
         """The likelihood field around one wall cell, shape (2 r + 1, 2 r + 1)."""
-        return bump_of(max(self.blur / self.resolution, 1.0))
+        return gaussian_kernel(max(self.blur / self.resolution, 1.0))
 
 
 class OccupancyGrid:
-    """The map while it is being made (stateful: `cover` and `integrate` change it).
+    """The map while it is being made (stateful: `extend_to` and `integrate` change it).
 
     Attributes:
         log_odds: shape (rows, columns), int16, bottom-up: `[v, u]`, u along x and v along y.
-        fields: shape (levels, rows, columns), uint8, the likelihood field and its bounds.
+        pyramid: shape (levels, rows, columns), uint8, the likelihood field and its bounds.
     """
 
     def __init__(self, parameters: MapParameters | None = None) -> None:
         self.parameters = parameters or MapParameters()
         self.log_odds = np.zeros((0, 0), dtype=np.int16)
-        self.fields = np.zeros((len(LEVEL_WIDTHS), 0, 0), dtype=np.uint8)
+        self.pyramid = np.zeros((len(LEVEL_WIDTHS), 0, 0), dtype=np.uint8)
         self.surfels = SurfelMap(self.parameters.resolution)
-        self._bump = self.parameters.bump()
+        self._gaussian = self.parameters.gaussian_kernel()
         self._u0 = self._v0 = 0
         self._base = np.zeros(2)  # where cell (0, 0) would be, in the world
-        self._edge = MARGIN + len(self._bump)
+        self._edge = MARGIN + len(self._gaussian)
         self._written = NOTHING  # lowest and highest (u, v); cell (0, 0) is at the base
         self._touched = self._changed = np.empty(0, dtype=np.int64)
 
     @classmethod
-    def of(cls, known: GridMap, parameters: MapParameters) -> OccupancyGrid:
+    def from_grid_map(cls, known: GridMap, parameters: MapParameters) -> OccupancyGrid:
         """A map to go on from.
 
         Raises:
@@ -106,19 +109,19 @@ class OccupancyGrid:
         grid = cls(replace(parameters, resolution=known.resolution))
         grid._base = np.array([known.origin.x, known.origin.y])
         size = np.array([known.columns, known.rows]) * known.resolution
-        grid.cover(grid._base, grid._base + size)
+        grid.extend_to(grid._base, grid._base + size)
         rows, columns = (
             slice(-grid._v0, known.rows - grid._v0),
             slice(-grid._u0, known.columns - grid._u0),
         )
-        grid.log_odds[rows, columns] = log_odds_of(
+        grid.log_odds[rows, columns] = log_odds_from_probabilities(
             known.cells[::-1], parameters.lowest, parameters.highest
         )
         grid._written = 0, 0, known.columns - 1, known.rows - 1
         walls = np.argwhere(grid.log_odds > 0)
         if not len(walls):
             raise DataError("no occupied cell", expected="a map with walls")
-        grid.make_field()
+        grid.build_likelihood_field()
         corner = np.array([grid._u0, grid._v0]) + 0.5
         grid.surfels.add((walls[:, ::-1] + corner) * known.resolution + grid._base)
         return grid
@@ -142,13 +145,13 @@ class OccupancyGrid:
         u, v, theta = (float(value) for value in cells)
         return Pose2D((u + self._u0) * scale + x, (v + self._v0) * scale + y, wrap_angle(theta))
 
-    def holds(self, centre: Pose2D, radius: float) -> bool:
-        """Whether the array holds a circle, metres, as `cover` would have it."""
+    def contains_circle(self, centre: Pose2D, radius: float) -> bool:
+        """Whether the array holds a circle, metres, as `extend_to` would have it."""
         edge, reach = self._edge + 1, radius / self.parameters.resolution
         (u, v), (rows, columns) = self._at(centre), self.log_odds.shape
         return min(u, v) - reach >= edge and u + reach < columns - edge and v + reach < rows - edge
 
-    def cover(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
+    def extend_to(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
         """Make the array hold the world rectangle from `low` to `high`, each (x, y), metres.
 
         Raises:
@@ -156,17 +159,17 @@ class OccupancyGrid:
         """
         scale = self.parameters.resolution
         if max(high - low) / scale > MAX_CELLS:
-            raise too_large(high - low)
-        self._cover_cells(
+            raise map_too_large(high - low)
+        self._extend_to_cells(
             [math.floor(value / scale) for value in low - self._base],
             [math.floor(value / scale) for value in high - self._base],
         )
 
-    def _cover_cells(self, low: list[int], high: list[int]) -> None:
+    def _extend_to_cells(self, low: list[int], high: list[int]) -> None:
         """Make the array hold the cells from `low` to `high`, each (u, v) from the base."""
         (rows, columns), edge = self.log_odds.shape, self._edge
-        first_u, last_u = grown(low[0] - edge, high[0] + edge, self._u0, columns, BLOCK)
-        first_v, last_v = grown(low[1] - edge, high[1] + edge, self._v0, rows, BLOCK)
+        first_u, last_u = grow_interval(low[0] - edge, high[0] + edge, self._u0, columns, BLOCK)
+        first_v, last_v = grow_interval(low[1] - edge, high[1] + edge, self._v0, rows, BLOCK)
         u, v = first_u // BLOCK * BLOCK, first_v // BLOCK * BLOCK
         blocks = (last_u - u) // BLOCK + 1, (last_v - v) // BLOCK + 1
         if (u, v, blocks) != (self._u0, self._v0, (columns // BLOCK, rows // BLOCK)):
@@ -174,17 +177,17 @@ class OccupancyGrid:
 
     def _move_to(self, u0: int, v0: int, columns: int, rows: int) -> None:
         if rows * columns > MAX_CELLS:
-            raise too_large(np.array([columns, rows]) * self.parameters.resolution)
+            raise map_too_large(np.array([columns, rows]) * self.parameters.resolution)
         log_odds = np.zeros((rows, columns), dtype=np.int16)
-        fields = np.zeros((len(LEVEL_WIDTHS), rows, columns), dtype=np.uint8)
+        pyramid = np.zeros((len(LEVEL_WIDTHS), rows, columns), dtype=np.uint8)
         # Memory that is never touched costs nothing, so no more is copied than has been written.
-        old = self._part(self._u0, self._v0)
-        new = self._part(u0, v0)
-        log_odds[new], fields[:, *new] = self.log_odds[old], self.fields[:, *old]
-        self.log_odds, self.fields = log_odds, fields
+        old = self._written_part(self._u0, self._v0)
+        new = self._written_part(u0, v0)
+        log_odds[new], pyramid[:, *new] = self.log_odds[old], self.pyramid[:, *old]
+        self.log_odds, self.pyramid = log_odds, pyramid
         self._u0, self._v0 = u0, v0
 
-    def _part(self, u0: int, v0: int) -> tuple[slice, slice]:
+    def _written_part(self, u0: int, v0: int) -> tuple[slice, slice]:
         """The rows and columns, in an array that begins at a cell, that may have been written."""
         if self._written == NOTHING:
             return slice(0), slice(0)
@@ -195,11 +198,12 @@ class OccupancyGrid:
             slice(low_u - edge - u0, high_u + edge + 1 - u0),
         )
 
-    def integrate(self, pose: Pose2D, perception: Perception, *, field: bool = True) -> None:
+    def integrate(self, pose: Pose2D, perception: Perception, *, update_field: bool = True) -> None:
         """Line 10 of Algorithm 9.2: write what was perceived at a world pose into the map.
 
-        Without `field`, the likelihood field stays behind until `make_field` and `bridge` are
-        called, which is cheaper for a map that is made first and searched afterwards, or never.
+        Without `update_field`, the likelihood field stays behind until `build_likelihood_field`
+        and `interpolate_gaps` are called, which is cheaper for a map that is made first and
+        searched afterwards, or never.
         """
         beams, hits = perception.beams(), len(perception.hits)
         if len(beams) == 1:
@@ -207,16 +211,18 @@ class OccupancyGrid:
         ends, cells, touched = self._place(pose, beams)
         self.surfels.add(ends[:hits])
         changed = self._write(cells, hits, touched)
-        if field:
-            update_field(self.fields, LEVEL_WIDTHS, self.log_odds, changed, self._bump)
-            self._bridge(cells[:hits])
+        if update_field:
+            update_likelihood_field(
+                self.pyramid, LEVEL_WIDTHS, self.log_odds, changed, self._gaussian
+            )
+            self._interpolate_gaps(cells[:hits])
 
-    def bridge(self, pose: Pose2D, perception: Perception) -> None:
-        """Raise the field along walls that a scan shows with gaps, see `bridge_walls`."""
-        self._bridge(self.to_cells(pose.apply(perception.hits)))
+    def interpolate_gaps(self, pose: Pose2D, perception: Perception) -> None:
+        """Raise the field along walls that a scan shows with gaps, see `interpolate_gaps`."""
+        self._interpolate_gaps(self.to_cells(pose.apply(perception.hits)))
 
-    def _bridge(self, ends: NDArray[np.float64]) -> None:
-        bridge_walls(self.fields, LEVEL_WIDTHS, self.log_odds, ends, self._bump)
+    def _interpolate_gaps(self, ends: NDArray[np.float64]) -> None:
+        interpolate_gaps(self.pyramid, LEVEL_WIDTHS, self.log_odds, ends, self._gaussian)
 
     def _place(
         self, pose: Pose2D, beams: NDArray[np.float64]
@@ -235,7 +241,7 @@ class OccupancyGrid:
         """Make the array hold cells that will be written; most often they are not the first."""
         was = self._written
         if low_u < was[0] or low_v < was[1] or high_u > was[2] or high_v > was[3]:
-            self._cover_cells([low_u, low_v], [high_u, high_v])
+            self._extend_to_cells([low_u, low_v], [high_u, high_v])
             low = min(was[0], low_u), min(was[1], low_v)
             self._written = *low, max(was[2], high_u), max(was[3], high_v)
 
@@ -246,14 +252,14 @@ class OccupancyGrid:
             self._touched, self._changed = (np.empty(2 * touched, np.int64) for _ in range(2))
         rules = p.hit, p.miss, p.highest, p.lowest
         count = integrate_beams(
-            self.log_odds.reshape(-1), self.fields[0].reshape(-1), self.log_odds.shape[1],
+            self.log_odds.reshape(-1), self.pyramid[0].reshape(-1), self.log_odds.shape[1],
             beams, hits, rules, self._touched, self._changed,
         )  # fmt: skip
         return self._changed[:count]
 
-    def make_field(self) -> None:
+    def build_likelihood_field(self) -> None:
         """Make the likelihood field of all walls at once, where there is none yet."""
-        make_levels(self.fields, self.log_odds, self._bump)
+        build_pyramid(self.pyramid, self.log_odds, self._gaussian)
 
     def to_grid_map(self) -> GridMap:
         """The obstacle probabilities, cropped to what is known and two cells around it."""
@@ -265,7 +271,7 @@ class OccupancyGrid:
         # MARGIN cells around everything known are in the array, so two always are.
         v, u = int(rows[0]) - 2, int(columns[0]) - 2
         part = self.log_odds[v : rows[-1] + 3, u : columns[-1] + 3]
-        table = probabilities_of(p.lowest, p.highest)
+        table = probability_by_count(p.lowest, p.highest)
         # Whole cells times the resolution, without the last bit's noise.
         corner = (
             round((self._u0 + u) * p.resolution + float(self._base[0]), 9),

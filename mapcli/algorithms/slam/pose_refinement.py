@@ -59,9 +59,9 @@ class ScanInMap:
     def cover(self, middle: Pose2D, window: SearchWindow) -> None:
         """Make the map hold every point at every pose of a window."""
         far = window.xy + self.cell
-        if not self.grid.holds(middle, self.points.radius + far):
+        if not self.grid.contains_circle(middle, self.points.radius + far):
             box = window_box(self.points.metres, middle, far, window.theta + self.turn_step)
-            self.grid.cover(*box)
+            self.grid.extend_to(*box)
 
     def compare(self, pose: Pose2D, information: InformationMatrix | None = None) -> Match:
         """How well the scan agrees with the map at a pose, which is covered."""

@@ -54,7 +54,7 @@ def replay(
             that is nowhere in it.
     """
     p = parameters or SlamParameters()
-    grid = None if known is None else OccupancyGrid.of(known, p.map)
+    grid = None if known is None else OccupancyGrid.from_grid_map(known, p.map)
     run = ReplayRun(Slam(p, start, grid))
     for _ in run.track(records):
         pass

@@ -158,7 +158,7 @@ class SubmapMatcher:
         """
         grid = self._maps.pop(origin, None) or self._make_map(origin, room)
         if room is not None:
-            grid.cover(*room)
+            grid.extend_to(*room)
         self._maps[origin] = grid
         if len(self._maps) > self.cached_maps:
             self._maps.popitem(last=False)
@@ -173,10 +173,10 @@ class SubmapMatcher:
         ends = [pose.apply(one.hits) for pose, one in zip(poses, seen, strict=True)]
         held = np.concatenate(ends if room is None else [*ends, room])
         if len(held):
-            grid.cover(held.min(axis=0), held.max(axis=0))
+            grid.extend_to(held.min(axis=0), held.max(axis=0))
         for pose, perception in zip(poses, seen, strict=True):
-            grid.integrate(pose, perception, field=False)
-        grid.make_field()
+            grid.integrate(pose, perception, update_field=False)
+        grid.build_likelihood_field()
         return grid
 
     def _near_hits(self, keyframe: int) -> Perception:
@@ -219,7 +219,7 @@ class SubmapMatcher:
             math.ceil((c - reach) / SCORE_STRIDE) * SCORE_STRIDE for c in centre.tolist()
         )
         sums = np.empty((count, count), np.int64)
-        field = grid.fields[1].reshape(-1)
+        field = grid.pyramid[1].reshape(-1)
         score_shifts(field, scan, columns, (low_u, low_v), SCORE_STRIDE, sums)
         share = (sums - sums.max()) / (FULL_SCORE * len(cells) * SCORE_SCALE)
         weights = np.exp(share)

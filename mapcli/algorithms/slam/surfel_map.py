@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mapcli.algorithms.slam._kernels import point_to_line_icp as icp
 from mapcli.algorithms.slam._kernels import surfel_map as kernels
 from mapcli.algorithms.slam._kernels.sparse_grid import BORDER, SHIFT, SIDE, SparseGrid, Used
-from mapcli.algorithms.slam.growing_array import grown, too_large
+from mapcli.algorithms.slam.growing_array import grow_interval, map_too_large
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.se2_uncertainty import (
     UNKNOWN,
@@ -112,13 +112,13 @@ class SurfelMap:
         """Make the directory hold the tiles from `low` to `high`, each (u, v), and its border."""
         grid = self._table.grid
         (rows, columns), (u, v) = grid.directory.shape, grid.corner
-        left, right = grown(low[0] - BORDER, high[0] + BORDER, u, columns, BORDER)
-        bottom, top = grown(low[1] - BORDER, high[1] + BORDER, v, rows, BORDER)
+        left, right = grow_interval(low[0] - BORDER, high[0] + BORDER, u, columns, BORDER)
+        bottom, top = grow_interval(low[1] - BORDER, high[1] + BORDER, v, rows, BORDER)
         shape = top - bottom + 1, right - left + 1
         if shape == (rows, columns):
             return
         if shape[0] * shape[1] > MOST_TILES:
-            raise too_large(SIDE * self.cell * np.array([shape[1], shape[0]]))
+            raise map_too_large(SIDE * self.cell * np.array([shape[1], shape[0]]))
         directory = np.zeros(shape, np.int32)
         held = np.s_[v - bottom : v - bottom + rows, u - left : u - left + columns]
         directory[held] = grid.directory

@@ -47,19 +47,19 @@ from numpy.typing import NDArray
 from mapcli.errors import FormatError
 from mapcli.formats.documents.perception_nodes import (
     choice,
+    intended_pose,
     list_of,
     mapping,
     number,
     numbers,
     pose_of,
-    standpoint,
     steps_and_turns,
 )
 from mapcli.formats.maps.load import read_file
 from mapcli.formats.maps.text import CHARACTER_ROW
 from mapcli.formats.yaml_document import Document
 from mapcli.model.perception import (
-    Expectation,
+    ExpectedReadings,
     GridCandidate,
     GridPerceptions,
     LandmarkPerception,
@@ -98,7 +98,7 @@ def read_perception(data: bytes, file: str, low: float = 0.5) -> Perceived:
         return _scan(document)
     if kind == "landmarks":
         steps, turns = steps_and_turns(document)
-        return LandmarkPerception(standpoint(document), _measured(document), steps, turns)
+        return LandmarkPerception(intended_pose(document), _measured(document), steps, turns)
     return _grids(document, low) if kind == "grids" else _database(document)
 
 
@@ -116,7 +116,7 @@ def _scan(document: Document) -> ScanPerception:
         walls = choice(document, "walls", ("thick", "ends"))
     beams = _beams(document)
     return ScanPerception(
-        standpoint(document), beams, range_max, laser, no_return, walls, steps, turns
+        intended_pose(document), beams, range_max, laser, no_return, walls, steps, turns
     )
 
 
@@ -183,7 +183,7 @@ def _grids(document: Document, low: float) -> GridPerceptions:
         if not all(value.is_integer() for value in place):
             raise document.error("corner", f"{place}", "[row, column], two whole numbers")
         corner = int(place[0]), int(place[1])
-    stand = standpoint(document) if "pose" in document.nodes else None
+    stand = intended_pose(document) if "pose" in document.nodes else None
     return GridPerceptions(tuple(candidates), corner, stand, steps_and_turns(document)[0])
 
 
@@ -250,7 +250,7 @@ def _database(document: Document) -> PerceptionDatabase:
     if "step" in document.nodes:
         step = number(document, "step", document.nodes["step"], "a number")
     expected = f"a list of {{position, turn_deg, {'beams' if of == 'scan' else 'measured'}}}"
-    found: list[Expectation] = []
+    found: list[ExpectedReadings] = []
     for k, node in enumerate(list_of(document, "candidates", expected)):
         inner = mapping(document, f"candidates[{k}]", node)
         position, turn = _which(inner, {(e.position, e.turn_deg) for e in found})
@@ -258,7 +258,7 @@ def _database(document: Document) -> PerceptionDatabase:
         if "pose" in inner.nodes:
             pose = pose_of(mapping(inner, "pose", inner.nodes["pose"]))
         readings = _beams(inner) if of == "scan" else _measured(inner)
-        found.append(Expectation(position, turn, pose, readings))
+        found.append(ExpectedReadings(position, turn, pose, readings))
     if not found:
         raise document.error("candidates", "no candidates", expected)
     return PerceptionDatabase(of, tuple(found), range_max, step)

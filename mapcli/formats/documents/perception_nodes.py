@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import yaml
 
 from mapcli.formats.yaml_document import Document, number_of, shown
-from mapcli.model.perception import STEPS, TURNS_DEG, Standpoint
+from mapcli.model.perception import STEPS, TURNS_DEG, IntendedPose
 from mapcli.model.pose import Pose2D
 
 LARGEST = 1e9
@@ -94,16 +94,16 @@ def _one_or_more(document: Document, key: str, expected: str) -> tuple[float, ..
     return tuple(values)
 
 
-def standpoint(document: Document) -> Standpoint:
+def intended_pose(document: Document) -> IntendedPose:
     """The intended pose."""
     inner = mapping(document, "pose", document.require("pose", POSE))
     theta = _heading(inner)
     if "cell" not in inner.nodes:
-        return Standpoint(theta, _xy(inner))
+        return IntendedPose(theta, _xy(inner))
     row, column = numbers(inner, "cell", inner.nodes["cell"], 2, "[row, column]")
     if not (row.is_integer() and column.is_integer()):
         raise inner.error("cell", f"[{row:g}, {column:g}]", "[row, column], two whole numbers")
-    return Standpoint(theta, cell=(int(row), int(column)))
+    return IntendedPose(theta, cell=(int(row), int(column)))
 
 
 def pose_of(inner: Document) -> Pose2D:

@@ -12,11 +12,11 @@ from typing import Any
 
 from mapcli.formats.documents.document import json_bytes
 from mapcli.model.perception import (
-    Expectation,
+    ExpectedReadings,
+    IntendedPose,
     LandmarkPerception,
     PerceptionDatabase,
     ScanPerception,
-    Standpoint,
 )
 from mapcli.model.pose import Pose2D
 
@@ -46,7 +46,7 @@ def _content(perception: Writable) -> dict[str, Any]:
             head["range_max"] = _rounded(perception.range_max)
         candidates = [_expectation(e, perception.of) for e in perception.expectations]
         return {**head, "step": _rounded(perception.step), "candidates": candidates}
-    place = _standpoint(perception.standpoint)
+    place = _intended_pose(perception.intended_pose)
     search = {
         "steps": [_rounded(step) for step in perception.steps],
         "turns_deg": [_rounded(turn) for turn in perception.turns_deg],
@@ -61,7 +61,7 @@ def _content(perception: Writable) -> dict[str, Any]:
     return {**content, **search, "beams": _beams(perception.beams)}
 
 
-def _expectation(expectation: Expectation, of: str) -> dict[str, Any]:
+def _expectation(expectation: ExpectedReadings, of: str) -> dict[str, Any]:
     content: dict[str, Any] = {
         "position": expectation.position,
         "turn_deg": _rounded(expectation.turn_deg),
@@ -91,7 +91,7 @@ def _bearing(radians: float) -> float:
     return _rounded(round(math.degrees(radians), 4))
 
 
-def _standpoint(place: Standpoint) -> dict[str, Any]:
+def _intended_pose(place: IntendedPose) -> dict[str, Any]:
     if place.cell is not None:
         return {"cell": list(place.cell), "heading_deg": _rounded(math.degrees(place.theta))}
     return _pose(Pose2D(*place.xy, place.theta))

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.formats.documents.document import document, json_bytes
-from mapcli.model.peaks import Peaks
+from mapcli.model.local_maxima import LocalMaxima
 from mapcli.model.pose import Pose2D
-from mapcli.model.similarity import INTENDED, Scored, SimilarityTable
+from mapcli.model.similarity import INTENDED, ScoredCandidate, SimilarityTable
 
 SIMILARITY_TABLE = "mapcli.similarity-table"
 
@@ -140,7 +140,7 @@ def window_bytes(
     table: SimilarityTable,
     surface: NDArray[np.float64],
     along: NDArray[np.float64],
-    peaks: Peaks,
+    peaks: LocalMaxima,
     inputs: Mapping[str, str],
     parameters: Mapping[str, Any],
 ) -> bytes:
@@ -169,7 +169,7 @@ def window_bytes(
     return json_bytes(document(SIMILARITY_TABLE, inputs, parameters, content))
 
 
-def scored(candidate: Scored | None) -> dict[str, Any] | None:
+def scored(candidate: ScoredCandidate | None) -> dict[str, Any] | None:
     """A candidate in a document; `theta` in radians, as in all files."""
     if candidate is None:
         return None

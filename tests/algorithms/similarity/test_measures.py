@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from mapcli.algorithms.similarity.measures import (
     LOWER_IS_BETTER,
     SIMILARITIES,
-    SignMap,
     Similarity,
-    better,
-    of_counts,
-    of_readings,
+    TernaryMap,
+    higher_is_better,
     runs,
+    similarity_of_counts,
+    similarity_of_readings,
 )
 from mapcli.algorithms.similarity.perception_map import PerceptionMap
 
@@ -30,8 +30,8 @@ def matrix(*rows: str) -> np.ndarray:
 
 
 def score(similarity: Similarity, m: np.ndarray, p: np.ndarray) -> float:
-    counts = SignMap(m).counts(PerceptionMap(p, 0, 0), np.zeros((1, 2), np.int64))
-    return float(of_counts(similarity, counts)[0])
+    counts = TernaryMap(m).counts(PerceptionMap(p, 0, 0), np.zeros((1, 2), np.int64))
+    return float(similarity_of_counts(similarity, counts)[0])
 
 
 @pytest.mark.parametrize(
@@ -69,8 +69,8 @@ def test_three_by_three_by_hand(similarity: Similarity, expected: float) -> None
 @pytest.mark.parametrize("similarity", SIMILARITIES)
 def test_equal_matrices_are_the_most_similar(similarity: Similarity) -> None:
     scores = np.array([score(similarity, M, M), score(similarity, M, P), score(similarity, M, -M)])
-    assert np.argmax(better(similarity, scores)) == 0
-    assert np.argmin(better(similarity, scores)) == 2
+    assert np.argmax(higher_is_better(similarity, scores)) == 0
+    assert np.argmin(higher_is_better(similarity, scores)) == 2
 
 
 def test_nothing_in_common() -> None:
@@ -128,10 +128,10 @@ def test_counts_as_the_slow_twin(seed: int) -> None:
         rng.integers(-1, 2, rng.integers(1, 9, 2)).astype(np.int8), *rng.integers(-4, 5, 2).tolist()
     )
     offsets = rng.integers(-5, 6, (7, 2))
-    plain = SignMap(m).counts(p, offsets)
-    np.testing.assert_array_equal(plain, SignMap(m).counts(p, offsets, compiled=True))
+    plain = TernaryMap(m).counts(p, offsets)
+    np.testing.assert_array_equal(plain, TernaryMap(m).counts(p, offsets, compiled=True))
     for similarity in SIMILARITIES:
-        found = of_counts(similarity, plain)
+        found = similarity_of_counts(similarity, plain)
         for k, (du, dv) in enumerate(offsets.tolist()):
             slow = by_cells(similarity, m, shifted(p, m.shape, du, dv))
             assert found[k] == pytest.approx(slow, nan_ok=True)
@@ -160,7 +160,7 @@ MEASURED = np.array([[2.5, 0.4], [3.0, 0.2]])
     ],
 )
 def test_readings_by_hand(similarity: Similarity, expected: float) -> None:
-    found = of_readings(similarity, EXPECTED, MEASURED, np.array([0.5, 0.3]))
+    found = similarity_of_readings(similarity, EXPECTED, MEASURED, np.array([0.5, 0.3]))
     assert found == pytest.approx([expected])
 
 
@@ -169,13 +169,13 @@ def test_unknown_readings_are_left_out(similarity: Similarity) -> None:
     tolerance = np.array([0.5, 0.3])
     more = np.concatenate([EXPECTED, [[[7.0, 7.0]]]], axis=1)
     with_gap = np.concatenate([MEASURED, [[np.nan, np.nan]]])
-    assert of_readings(similarity, more, with_gap, tolerance) == pytest.approx(
-        of_readings(similarity, EXPECTED, MEASURED, tolerance)
+    assert similarity_of_readings(similarity, more, with_gap, tolerance) == pytest.approx(
+        similarity_of_readings(similarity, EXPECTED, MEASURED, tolerance)
     )
     nothing = np.full((2, 2), np.nan)
-    assert np.isnan(of_readings(similarity, EXPECTED, nothing, tolerance)).all()
+    assert np.isnan(similarity_of_readings(similarity, EXPECTED, nothing, tolerance)).all()
 
 
 def test_lower_is_better_for_distances_only() -> None:
     assert {"l1", "l2"} == LOWER_IS_BETTER
-    assert better("l1", np.array([1.0, np.nan, 3.0])).tolist() == [-1, -np.inf, -3]
+    assert higher_is_better("l1", np.array([1.0, np.nan, 3.0])).tolist() == [-1, -np.inf, -3]

@@ -13,8 +13,8 @@ from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.similarity.perception_map import (
     PerceptionMap,
     covered,
-    outline,
     perception_map,
+    scan_outline,
 )
 from mapcli.errors import DataError
 from mapcli.model.perception import Walls
@@ -39,7 +39,7 @@ def drawn(
     pose: tuple[float, float, float] = (0.5, 0.5, 0.0),
     walls: Walls = "thick",
 ) -> PerceptionMap:
-    return perception_map(outline(perception, 1.0, walls), np.array(pose))
+    return perception_map(scan_outline(perception, 1.0, walls), np.array(pose))
 
 
 def row(map_: PerceptionMap, v: int, first: int, end: int) -> str:
@@ -138,7 +138,7 @@ def test_no_beams_no_map() -> None:
 
 def test_an_absurdly_large_perception() -> None:
     with pytest.raises(DataError, match="cells wide; expected ranges in the unit of the map"):
-        perception_map(outline(seen([(0, None)], 1e12), 1.0), np.zeros(3))
+        perception_map(scan_outline(seen([(0, None)], 1e12), 1.0), np.zeros(3))
 
 
 # --- areas
@@ -174,7 +174,7 @@ def test_areas_sum_up_to_the_polygons(seed: int, n: int) -> None:
 
 def sampled_values(perception: Perception, pose: np.ndarray, k: int = 24) -> np.ndarray:
     """The majority rule the slow way, by sampling points; 2 where it is a close call."""
-    scan = outline(perception, 1.0)
+    scan = scan_outline(perception, 1.0)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     turn = np.array([[cos, sin], [-sin, cos]])
     face, back = scan.face @ turn + pose[:2], scan.back @ turn + pose[:2]
@@ -219,7 +219,7 @@ def test_compiled_as_plain(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
     beams = [(float(b), None if rng.random() < 0.3 else float(rng.uniform(0.1, 9)))
              for b in rng.uniform(-180, 180, n)]  # fmt: skip
-    scan = outline(seen(beams, 9.0), 0.7, "ends" if seed % 2 else "thick")
+    scan = scan_outline(seen(beams, 9.0), 0.7, "ends" if seed % 2 else "thick")
     pose = np.array([*rng.uniform(-5, 5, 2), rng.uniform(-4, 4)])
     for within in (None, (-4, -3, 6, 5)):
         plain = perception_map(scan, pose, within)

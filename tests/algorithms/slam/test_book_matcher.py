@@ -13,7 +13,7 @@ from mapcli.algorithms.similarity.measures import SIMILARITIES
 from mapcli.algorithms.slam.book_matcher import FIFTEEN, best_of_fifteen
 from mapcli.algorithms.slam.match import MatchParameters
 from mapcli.algorithms.slam.scan_matcher import match_scan
-from mapcli.model.perception import ScanPerception, Standpoint
+from mapcli.model.perception import IntendedPose, ScanPerception
 from mapcli.model.pose import Pose2D
 
 
@@ -55,7 +55,7 @@ def test_the_replay_scores_as_the_similarity_table() -> None:
     ends = scan.hits - scan.laser
     beams = np.column_stack([np.arctan2(ends[:, 1], ends[:, 0]), np.hypot(*ends.T)])
     for tried in (HERE, moved(HERE, 0.2, 0, -15), moved(HERE, 0.13, 0.08, 6)):
-        place = Standpoint(tried.theta, (tried.x, tried.y))
+        place = IntendedPose(tried.theta, (tried.x, tried.y))
         perception = ScanPerception(place, beams, 100.0, no_return="ignore", walls="ends")
         for similarity in SIMILARITIES:
             match = best_of_fifteen(grid, scan, tried, similarity)

@@ -14,7 +14,7 @@ from mapcli.algorithms.scans.ray_casting import edges_of
 from mapcli.algorithms.slam import global_localization as locating
 from mapcli.algorithms.slam.global_localization import localize_globally
 from mapcli.algorithms.slam.local_map import LocalMapParameters
-from mapcli.algorithms.slam.log_odds import LOG_ODDS_UNIT, log_odds_of
+from mapcli.algorithms.slam.log_odds import LOG_ODDS_PER_COUNT, log_odds_from_probabilities
 from mapcli.algorithms.slam.match import MatchParameters
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
 from mapcli.algorithms.slam.slam import MOST_GLOBAL_SCANS, Slam, SlamParameters
@@ -55,7 +55,7 @@ def known() -> GridMap:
 
 
 def opened(grid: GridMap) -> OccupancyGrid:
-    return OccupancyGrid.of(grid, MAP)
+    return OccupancyGrid.from_grid_map(grid, MAP)
 
 
 # --- localize_globally
@@ -148,7 +148,7 @@ def test_a_robot_that_sees_nothing_at_first_is_found_later(known: GridMap) -> No
     assert found[3].pose.distance(true[3]) < MAP.resolution
 
 
-# --- OccupancyGrid.of
+# --- OccupancyGrid.from_grid_map
 
 
 @pytest.mark.parametrize("origin", [(0.0, 0.0), (-3.2, 7.45), (0.017, -0.031), (1e4 + 0.02, 5.0)])
@@ -165,24 +165,26 @@ def test_a_known_map_comes_back_as_it_was(known: GridMap, origin: tuple[float, f
 
 def test_cells_by_hand() -> None:
     cells = np.array([[np.nan, 1.0, 0.0], [0.5, 0.9, 0.1]], np.float32)
-    grid = OccupancyGrid.of(GridMap(cells, 0.5, Pose2D(10.25, -3.1)), MAP)
+    grid = OccupancyGrid.from_grid_map(GridMap(cells, 0.5, Pose2D(10.25, -3.1)), MAP)
     assert grid.parameters.resolution == 0.5  # the map's own, whatever was asked
     centres = np.array([[x, y] for y in (-2.35, -2.85) for x in (10.5, 11.0, 11.5)])
     u, v = np.floor(grid.to_cells(centres)).astype(int).T
-    log_odds = grid.log_odds[v, u] * LOG_ODDS_UNIT
+    log_odds = grid.log_odds[v, u] * LOG_ODDS_PER_COUNT
     assert log_odds[0] == 0  # unknown
     assert log_odds[1] > 10
     assert log_odds[2] < -10
-    assert log_odds[3] == -LOG_ODDS_UNIT  # as good as open, but known
-    assert log_odds[4:] == pytest.approx([math.log(9), -math.log(9)], abs=LOG_ODDS_UNIT / 2)
+    assert log_odds[3] == -LOG_ODDS_PER_COUNT  # as good as open, but known
+    assert log_odds[4:] == pytest.approx([math.log(9), -math.log(9)], abs=LOG_ODDS_PER_COUNT / 2)
     assert (grid.log_odds != 0).sum() == 5
     # Walls, and nothing else, are what scans are compared with.
-    assert (grid.fields[0, v, u] == 255).tolist() == [False, True, False, False, True, False]
+    assert (grid.pyramid[0, v, u] == 255).tolist() == [False, True, False, False, True, False]
 
 
 def test_log_odds_keep_to_the_limits_of_a_map() -> None:
     p = MapParameters(highest=100, lowest=-50)
-    counts = log_odds_of(np.array([[0.0, 1.0, 0.5, np.nan]], np.float32), p.lowest, p.highest)
+    counts = log_odds_from_probabilities(
+        np.array([[0.0, 1.0, 0.5, np.nan]], np.float32), p.lowest, p.highest
+    )
     assert counts.tolist() == [[-50, 100, -1, 0]]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mapcli.algorithms.slam.growing_array import grown
+from mapcli.algorithms.slam.growing_array import grow_interval
 
 
 @pytest.mark.parametrize(
@@ -21,4 +21,4 @@ from mapcli.algorithms.slam.growing_array import grown
 def test_how_an_axis_grows(
     first: int, last: int, start: int, length: int, expected: tuple[int, int]
 ) -> None:
-    assert grown(first, last, start, length, 4) == expected
+    assert grow_interval(first, last, start, length, 4) == expected

@@ -27,12 +27,12 @@ def seen(hits: Points, open_ends: Points = (), laser: tuple[float, float] = (0, 
 
 def contents(grid: OccupancyGrid) -> dict[tuple[int, int], tuple[int, ...]]:
     """What is not zero: log-odds and every level of the field, by world cell (u, v)."""
-    known = (grid.log_odds != 0) | grid.fields.any(axis=0)
+    known = (grid.log_odds != 0) | grid.pyramid.any(axis=0)
     corner = grid.to_cells(np.zeros((1, 2)))[0].astype(int)
     return {
         (int(u - corner[0]), int(v - corner[1])): (
             int(grid.log_odds[v, u]),
-            *grid.fields[:, v, u].tolist(),
+            *grid.pyramid[:, v, u].tolist(),
         )
         for v, u in np.argwhere(known)
     }
@@ -174,7 +174,7 @@ def test_an_empty_map_is_one_unknown_cell() -> None:
 
 def test_a_covered_but_empty_map() -> None:
     grid = OccupancyGrid()
-    grid.cover(np.array([0.0, 0.0]), np.array([1.0, 1.0]))
+    grid.extend_to(np.array([0.0, 0.0]), np.array([1.0, 1.0]))
     assert not grid.to_grid_map().known.any()
 
 
@@ -193,20 +193,20 @@ def test_a_field_made_at_once() -> None:
     """The field is what the walls alone give; each level holds the highest values ahead."""
     grid = OccupancyGrid()
     for pose, perception in random_scans(3, 12, 4.0):
-        grid.integrate(pose, perception, field=False)
-    assert not grid.fields.any()
+        grid.integrate(pose, perception, update_field=False)
+    assert not grid.pyramid.any()
     log_odds = grid.log_odds.copy()
-    grid.make_field()
+    grid.build_likelihood_field()
     assert (grid.log_odds == log_odds).all()
-    bump = MapParameters().bump()
-    expected = np.zeros_like(grid.fields[0])
-    reach = len(bump) // 2
+    gaussian = MapParameters().gaussian_kernel()
+    expected = np.zeros_like(grid.pyramid[0])
+    reach = len(gaussian) // 2
     for v, u in np.argwhere(log_odds > 0):
         part = expected[v - reach : v + reach + 1, u - reach : u + reach + 1]
-        np.maximum(part, bump, out=part)
-    assert (grid.fields[0] == expected).all()
+        np.maximum(part, gaussian, out=part)
+    assert (grid.pyramid[0] == expected).all()
     rng = np.random.default_rng(0)
-    for width, level in zip(LEVEL_WIDTHS.tolist(), grid.fields, strict=True):
+    for width, level in zip(LEVEL_WIDTHS.tolist(), grid.pyramid, strict=True):
         for v, u in rng.integers(0, min(expected.shape) - 16, (300, 2)).tolist():
             assert level[v, u] == expected[v : v + width, u : u + width].max()
         walls = np.argwhere(log_odds > 0)[::7]
@@ -219,7 +219,7 @@ def test_growth_keeps_what_was_known_where_it_was(far: tuple[float, float]) -> N
     grid = OccupancyGrid()
     grid.integrate(Pose2D(0.3, 0.4, 1), seen([(1, 0), (0, 2), (-1, 1)]))
     before, shape = contents(grid), grid.log_odds.shape
-    grid.cover(np.array(far) - 1.0, np.array(far) + 1.0)
+    grid.extend_to(np.array(far) - 1.0, np.array(far) + 1.0)
     assert grid.log_odds.shape != shape
     assert contents(grid) == before
 
@@ -228,14 +228,14 @@ def test_growth_keeps_what_was_known_where_it_was(far: tuple[float, float]) -> N
 def test_what_is_covered_is_held_with_room_around_it(
     block: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # For the bumps of walls at the edge, and for the coarsest level beyond them.
+    # For the Gaussians of walls at the edge, and for the coarsest level beyond them.
     monkeypatch.setattr(occupancy, "BLOCK", block)
     grid = OccupancyGrid(MapParameters(resolution=0.1))
-    room = len(grid.parameters.bump()) + LEVEL_WIDTHS[-1]
+    room = len(grid.parameters.gaussian_kernel()) + LEVEL_WIDTHS[-1]
     for low, high in [((3, 4), (5, 9)), ((-40, 0), (-39, 1)), ((0, 80), (90, 81))]:
-        grid.cover(np.array(low, np.float64), np.array(high, np.float64))
+        grid.extend_to(np.array(low, np.float64), np.array(high, np.float64))
         rows, columns = grid.log_odds.shape
-        assert grid.fields.shape == (len(LEVEL_WIDTHS), rows, columns)
+        assert grid.pyramid.shape == (len(LEVEL_WIDTHS), rows, columns)
         assert rows % block == columns % block == 0
         corners = grid.to_cells(np.array([low, high], np.float64))
         assert (corners[0] >= room).all()
@@ -244,10 +244,10 @@ def test_what_is_covered_is_held_with_room_around_it(
 
 def test_nothing_grows_within_what_is_covered() -> None:
     grid = OccupancyGrid()
-    grid.cover(np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
+    grid.extend_to(np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
     log_odds = grid.log_odds
-    grid.cover(np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
-    grid.cover(np.array([0.5, 0.5]), np.array([0.6, 0.6]))
+    grid.extend_to(np.array([-1.0, -1.0]), np.array([1.0, 1.0]))
+    grid.extend_to(np.array([0.5, 0.5]), np.array([0.6, 0.6]))
     assert grid.log_odds is log_odds
 
 
@@ -256,7 +256,7 @@ def test_a_long_way_needs_few_copies(monkeypatch: pytest.MonkeyPatch) -> None:
     grid = OccupancyGrid(MapParameters(resolution=1.0))
     copies, held = 0, grid.log_odds
     for x in range(1000):
-        grid.cover(np.array([x - 5.0, -5.0]), np.array([x + 5.0, 5.0]))
+        grid.extend_to(np.array([x - 5.0, -5.0]), np.array([x + 5.0, 5.0]))
         copies += grid.log_odds is not held
         held = grid.log_odds
     assert 5 < copies < 25
@@ -266,7 +266,7 @@ def test_a_long_way_needs_few_copies(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_map_that_grew_is_the_map_that_was_large_at_once(seed: int) -> None:
     scans = random_scans(seed, 12, 15.0)
     grown, large = OccupancyGrid(), OccupancyGrid()
-    large.cover(np.array([-20.0, -20.0]), np.array([20.0, 20.0]))
+    large.extend_to(np.array([-20.0, -20.0]), np.array([20.0, 20.0]))
     for pose, perception in scans:
         grown.integrate(pose, perception)
         large.integrate(pose, perception)
@@ -281,13 +281,13 @@ def test_the_field_is_that_of_the_walls_that_are_left() -> None:
     grid = OccupancyGrid()
     for pose, perception in random_scans(5, 40, 0.5):
         grid.integrate(pose, perception)
-    bump = grid.parameters.bump()
-    r = len(bump) // 2
-    expected = np.zeros_like(grid.fields[0])
+    gaussian = grid.parameters.gaussian_kernel()
+    r = len(gaussian) // 2
+    expected = np.zeros_like(grid.pyramid[0])
     for v, u in np.argwhere(grid.log_odds > 0):
         around = expected[v - r : v + r + 1, u - r : u + r + 1]
-        np.maximum(around, bump, out=around)
-    assert (grid.fields[0] == expected).all()
+        np.maximum(around, gaussian, out=around)
+    assert (grid.pyramid[0] == expected).all()
     assert expected.any()
 
 
@@ -312,18 +312,18 @@ def test_a_resolution_must_be_sane(resolution: float) -> None:
 
 def test_the_bump_by_hand() -> None:
     # Standard deviation of one cell: 255 exp(-d^2 / 2), within a circle of 3 cells and a half.
-    bump = MapParameters(resolution=0.05, blur=0.05).bump()
-    assert bump.shape == (7, 7)
-    assert bump.dtype == np.uint8
-    assert bump[3].tolist() == [3, 35, 155, 255, 155, 35, 3]
-    assert bump[2, 2:5].tolist() == [94, 155, 94]
-    assert bump[0].tolist() == [0, 0, 2, 3, 2, 0, 0]
-    assert (bump == bump.T).all()
-    assert (bump == bump[::-1]).all()
+    gaussian = MapParameters(resolution=0.05, blur=0.05).gaussian_kernel()
+    assert gaussian.shape == (7, 7)
+    assert gaussian.dtype == np.uint8
+    assert gaussian[3].tolist() == [3, 35, 155, 255, 155, 35, 3]
+    assert gaussian[2, 2:5].tolist() == [94, 155, 94]
+    assert gaussian[0].tolist() == [0, 0, 2, 3, 2, 0, 0]
+    assert (gaussian == gaussian.T).all()
+    assert (gaussian == gaussian[::-1]).all()
 
 
 def test_the_bump_is_as_wide_as_the_blur_and_at_least_a_cell() -> None:
-    assert MapParameters(resolution=0.05, blur=0.1).bump().shape == (13, 13)
-    assert MapParameters(resolution=0.05, blur=0.1).bump()[6, 8] == 155
-    narrow = MapParameters(resolution=0.5, blur=0.05).bump()
-    assert (narrow == MapParameters(resolution=0.05, blur=0.05).bump()).all()
+    assert MapParameters(resolution=0.05, blur=0.1).gaussian_kernel().shape == (13, 13)
+    assert MapParameters(resolution=0.05, blur=0.1).gaussian_kernel()[6, 8] == 155
+    narrow = MapParameters(resolution=0.5, blur=0.05).gaussian_kernel()
+    assert (narrow == MapParameters(resolution=0.05, blur=0.05).gaussian_kernel()).all()

@@ -60,11 +60,11 @@ def test_headings_come_out_wrapped() -> None:
 
 def test_the_map_and_the_perception_stay_as_they_were() -> None:
     grid, perception = mapped(), look(HERE)
-    log_odds, fields, hits = grid.log_odds.copy(), grid.fields.copy(), perception.hits.copy()
+    log_odds, fields, hits = grid.log_odds.copy(), grid.pyramid.copy(), perception.hits.copy()
     for search in ("window", "book"):
         match_scan(grid, perception, HERE, WIDE, MatchParameters(search=search))
     assert (grid.log_odds == log_odds).all()
-    assert (grid.fields == fields).all()
+    assert (grid.pyramid == fields).all()
     assert (perception.hits == hits).all()
 
 

@@ -380,7 +380,7 @@ def test_two_runs_agree_to_the_last_bit(search: Search) -> None:
     first, second = Slam(searching(search)), Slam(searching(search))
     assert list(first.replay(records)) == list(second.replay(records))
     assert first.map.log_odds.tobytes() == second.map.log_odds.tobytes()
-    assert first.map.fields.tobytes() == second.map.fields.tobytes()
+    assert first.map.pyramid.tobytes() == second.map.pyramid.tobytes()
 
 
 def test_records_stay_as_they_were() -> None:
@@ -411,7 +411,7 @@ def test_a_map_that_grows_many_times_changes_nothing(monkeypatch: pytest.MonkeyP
     records = log_of(poses, odom, lambda pose, k: scan_at(pose, k, edges, 4.0))
     start = Pose2D(0.02, 0.01)  # not on the corner of a cell, where the last bit decides
     at_once = Slam(start=start)
-    at_once.map.cover(np.array([-20.0, -20.0]), np.array([45.0, 20.0]))
+    at_once.map.extend_to(np.array([-20.0, -20.0]), np.array([45.0, 20.0]))
     shape = at_once.map.log_odds.shape
     expected = list(at_once.replay(records))
     assert at_once.map.log_odds.shape == shape

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.compiling import kernel
-from mapcli.algorithms.slam._kernels.likelihood_field import WALL
+from mapcli.algorithms.slam._kernels.likelihood_field import MAX_LIKELIHOOD
 
-FULL_SCORE = float(WALL)
+FULL_SCORE = float(MAX_LIKELIHOOD)
 """What a point on an occupied cell counts: the highest value of the likelihood field."""
 
 CONFLICT = 0.2 * FULL_SCORE

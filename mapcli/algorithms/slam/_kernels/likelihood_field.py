@@ -13,49 +13,53 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.compiling import kernel
 
-WALL = 255
+MAX_LIKELIHOOD = 255
 """The likelihood field's value on a wall."""
 
 
 @kernel
-def update_field(
-    fields: NDArray[np.uint8],
+def update_likelihood_field(
+    pyramid: NDArray[np.uint8],
     widths: NDArray[np.int64],
     log_odds: NDArray[np.int16],
     changed: NDArray[np.int64],
-    bump: NDArray[np.uint8],
+    gaussian: NDArray[np.uint8],
 ) -> None:
     """Bring the likelihood field up to date around cells that changed.
 
-    `fields[0]` holds, for every cell, the highest `bump` of the occupied cells around it;
-    `fields[k][v, u]` bounds `fields[0]` over the `widths[k]` x `widths[k]` cells from (v, u) up
+    `pyramid[0]` holds, for every cell, the highest `gaussian` of the occupied cells around it;
+    `pyramid[k][v, u]` bounds `pyramid[0]` over the `widths[k]` x `widths[k]` cells from (v, u) up
     and right. Where a wall vanishes the bounds stay: still bounds, only less tight, and walls
     vanish seldom.
 
     Args:
-        fields: shape (levels, rows, columns), changed in place.
+        pyramid: shape (levels, rows, columns), changed in place.
         widths: shape (levels,), the first is 1; levels beyond them are left as they are.
         log_odds: the map, already changed.
         changed: the cells' numbers, row times columns plus column.
-        bump: shape (2 r + 1, 2 r + 1), falling from its centre outward.
+        gaussian: shape (2 r + 1, 2 r + 1), falling from its centre outward.
     """
     columns = log_odds.shape[1]
     for k in range(len(changed)):
         v, u = changed[k] // columns, changed[k] % columns
         if log_odds[v, u] > 0:
-            raise_field(fields, widths, v, u, bump)
+            stamp_gaussian(pyramid, widths, v, u, gaussian)
     for k in range(len(changed)):
         v, u = changed[k] // columns, changed[k] % columns
         if log_odds[v, u] <= 0:
-            renew_field(fields[0], log_odds, v, u, bump)
+            recompute_field(pyramid[0], log_odds, v, u, gaussian)
 
 
 @kernel
-def renew_field(
-    field: NDArray[np.uint8], log_odds: NDArray[np.int16], v: int, u: int, bump: NDArray[np.uint8]
+def recompute_field(
+    field: NDArray[np.uint8],
+    log_odds: NDArray[np.int16],
+    v: int,
+    u: int,
+    gaussian: NDArray[np.uint8],
 ) -> None:
-    """Make the field around one cell anew, as far as a bump reaches, from the walls near it."""
-    r = len(bump) // 2
+    """Make the field around one cell anew, as far as a gaussian reaches, from the walls near it."""
+    r = len(gaussian) // 2
     for y in range(v - r, v + r + 1):
         for x in range(u - r, u + r + 1):
             field[y, x] = 0
@@ -65,50 +69,54 @@ def renew_field(
                 continue
             for y in range(max(dv, 0) - r, min(dv, 0) + r + 1):
                 for x in range(max(du, 0) - r, min(du, 0) + r + 1):
-                    value = bump[y - dv + r, x - du + r]
+                    value = gaussian[y - dv + r, x - du + r]
                     field[v + y, u + x] = max(field[v + y, u + x], value)
 
 
 @kernel
-def raise_field(
-    fields: NDArray[np.uint8], widths: NDArray[np.int64], v: int, u: int, bump: NDArray[np.uint8]
+def stamp_gaussian(
+    pyramid: NDArray[np.uint8],
+    widths: NDArray[np.int64],
+    v: int,
+    u: int,
+    gaussian: NDArray[np.uint8],
 ) -> None:
-    """Put the bump of one wall cell into the field and its bounds, where its peak is as wide as
+    """Put the gaussian of one wall cell into the field and its bounds, where its peak is as wide as
     the squares that they bound."""
-    r = len(bump) // 2
+    r = len(gaussian) // 2
     for level in range(len(widths)):
         width = widths[level]
         for dv in range(-r - width + 1, r + 1):
             near_v = min(max(dv, 0), dv + width - 1)
-            raise_row(fields[level, v + dv], u, width, bump[near_v + r])
+            stamp_row(pyramid[level, v + dv], u, width, gaussian[near_v + r])
 
 
 @kernel
-def raise_row(row: NDArray[np.uint8], u: int, width: int, bump: NDArray[np.uint8]) -> None:
-    """Put one row of a bump into the field, its peak stretched over `width` cells, the last of
+def stamp_row(row: NDArray[np.uint8], u: int, width: int, gaussian: NDArray[np.uint8]) -> None:
+    """Put one row of a gaussian into the field, its peak stretched over `width` cells, the last of
     them at u. (Loops so plain that they compile to many cells at a time.)"""
-    r, first = len(bump) // 2, u - width + 1
+    r, first = len(gaussian) // 2, u - width + 1
     for k in range(r):
-        row[first - r + k] = max(row[first - r + k], bump[k])
+        row[first - r + k] = max(row[first - r + k], gaussian[k])
     for k in range(width):
-        row[first + k] = max(row[first + k], bump[r])
+        row[first + k] = max(row[first + k], gaussian[r])
     for k in range(1, r + 1):
-        row[u + k] = max(row[u + k], bump[r + k])
+        row[u + k] = max(row[u + k], gaussian[r + k])
 
 
-LONGEST_BRIDGE = 12.0
+LONGEST_GAP = 12.0
 """Cells between two beams' ends that may be one wall."""
-STRAIGHT = 0.97
+STRAIGHT_COSINE = 0.97
 """Cosine of the largest turn that a wall makes from one beam's end to the next."""
 
 
 @kernel
-def bridge_walls(
-    fields: NDArray[np.uint8],
+def interpolate_gaps(
+    pyramid: NDArray[np.uint8],
     widths: NDArray[np.int64],
     log_odds: NDArray[np.int16],
     ends: NDArray[np.float64],
-    bump: NDArray[np.uint8],
+    gaussian: NDArray[np.uint8],
 ) -> None:
     """Raise the field between neighbouring ends of beams that lie on a straight wall.
 
@@ -123,24 +131,26 @@ def bridge_walls(
     for k in range(n - 1):
         du, dv = ends[k + 1, 0] - ends[k, 0], ends[k + 1, 1] - ends[k, 1]
         length = sqrt(du * du + dv * dv)
-        if length < 1.5 or length > LONGEST_BRIDGE:
+        if length < 1.5 or length > LONGEST_GAP:
             continue
-        if not (goes_on(ends, k - 1, du, dv, length) or goes_on(ends, k + 1, du, dv, length)):
+        if not (
+            is_collinear(ends, k - 1, du, dv, length) or is_collinear(ends, k + 1, du, dv, length)
+        ):
             continue
         steps = floor(length)
         for i in range(1, steps + 1):
             share = i / (steps + 1)
             u, v = floor(ends[k, 0] + share * du), floor(ends[k, 1] + share * dv)
-            if log_odds[v, u] == 0 and fields[0, v, u] < WALL:
-                raise_field(fields, widths, v, u, bump)
+            if log_odds[v, u] == 0 and pyramid[0, v, u] < MAX_LIKELIHOOD:
+                stamp_gaussian(pyramid, widths, v, u, gaussian)
 
 
 @kernel
-def goes_on(ends: NDArray[np.float64], k: int, du: float, dv: float, length: float) -> bool:
+def is_collinear(ends: NDArray[np.float64], k: int, du: float, dv: float, length: float) -> bool:
     """Whether the way from end k to the next is straight on with (du, dv), and about as long."""
     if k < 0 or k + 1 >= len(ends):
         return False
     on_u, on_v = ends[k + 1, 0] - ends[k, 0], ends[k + 1, 1] - ends[k, 1]
     on = sqrt(on_u * on_u + on_v * on_v)
     alike = on <= 2 * length and length <= 2 * on
-    return alike and on_u * du + on_v * dv >= STRAIGHT * on * length
+    return alike and on_u * du + on_v * dv >= STRAIGHT_COSINE * on * length

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.compiling import kernel
-from mapcli.algorithms.slam._kernels.likelihood_field import WALL
+from mapcli.algorithms.slam._kernels.likelihood_field import MAX_LIKELIHOOD
 
 SEEN = 1 << 14
 """Added to the log-odds of a cell that the current scan has already touched."""
@@ -89,7 +89,7 @@ def integrate_beams(
         rules: (hit, miss, highest, lowest): what a hit adds, what a pass takes, the limits.
         touched: room for all cells that the beams may touch.
         changed: as much room; filled with the cells (row times columns plus column) that became
-            occupied or ceased to be, or to be taken for wall by `bridge_walls`.
+            occupied or ceased to be, or to be taken for wall by `interpolate_gaps`.
 
     Returns:
         How many there are in `changed`.
@@ -164,7 +164,7 @@ def pass_cells(
         old = log_odds[at]
         if lowest < old < IS_SEEN:
             new = max(lowest, old - miss) or -1  # known, so never again the sign of unknown
-            if (old > 0 and new < 0) or (old == 0 and field[at] == WALL):
+            if (old > 0 and new < 0) or (old == 0 and field[at] == MAX_LIKELIHOOD):
                 changed[n_changed] = at
                 n_changed += 1
             log_odds[at] = new + SEEN

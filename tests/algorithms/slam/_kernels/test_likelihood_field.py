@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mapcli.algorithms.slam._kernels.likelihood_field import (
-    WALL,
-    bridge_walls,
-    renew_field,
-    update_field,
+    MAX_LIKELIHOOD,
+    interpolate_gaps,
+    recompute_field,
+    update_likelihood_field,
 )
 from mapcli.algorithms.slam._kernels.ray_tracing import integrate_beams
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
@@ -30,18 +30,18 @@ RULES = (85, 25, 1000, -500)
 
 # --- the likelihood field and its bounds
 
-BUMP = MapParameters().bump()
-REACH = len(BUMP) // 2
+GAUSSIAN = MapParameters().gaussian_kernel()
+REACH = len(GAUSSIAN) // 2
 EDGE = 2 * REACH + int(LEVEL_WIDTHS[-1])
 
 
-def slow_field(log_odds: NDArray[np.int16], bump: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The highest bump of the walls around each cell: one stamp per wall."""
+def slow_field(log_odds: NDArray[np.int16], gaussian: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The highest gaussian of the walls around each cell: one stamp per wall."""
     field = np.zeros(log_odds.shape, np.uint8)
-    r = len(bump) // 2
+    r = len(gaussian) // 2
     for v, u in np.argwhere(log_odds > 0):
         around = field[v - r : v + r + 1, u - r : u + r + 1]
-        np.maximum(around, bump, out=around)
+        np.maximum(around, gaussian, out=around)
     return field
 
 
@@ -70,11 +70,13 @@ def changes_between(before: NDArray[np.int16], after: NDArray[np.int16]) -> NDAr
     return np.flatnonzero((before > 0) != (after > 0))
 
 
-def fields_of(log_odds: NDArray[np.int16], bump: NDArray[np.uint8] = BUMP) -> NDArray[np.uint8]:
-    fields = np.zeros((len(LEVEL_WIDTHS), *log_odds.shape), np.uint8)
+def fields_of(
+    log_odds: NDArray[np.int16], gaussian: NDArray[np.uint8] = GAUSSIAN
+) -> NDArray[np.uint8]:
+    pyramid = np.zeros((len(LEVEL_WIDTHS), *log_odds.shape), np.uint8)
     changed = changes_between(np.zeros_like(log_odds), log_odds)
-    update_field(fields, LEVEL_WIDTHS, log_odds, changed, bump)
-    return fields
+    update_likelihood_field(pyramid, LEVEL_WIDTHS, log_odds, changed, gaussian)
+    return pyramid
 
 
 @FEW
@@ -82,10 +84,10 @@ def fields_of(log_odds: NDArray[np.int16], bump: NDArray[np.uint8] = BUMP) -> ND
 def test_every_level_is_exact_while_walls_only_appear(seed: int, share: float) -> None:
     rng = np.random.default_rng(seed)
     log_odds = random_walls(rng, 2 * EDGE + 12, share)
-    fields = fields_of(log_odds)
-    expected = slow_field(log_odds, BUMP)
+    pyramid = fields_of(log_odds)
+    expected = slow_field(log_odds, GAUSSIAN)
     for level, width in enumerate(LEVEL_WIDTHS):
-        assert (fields[level] == slow_level(expected, int(width))).all()
+        assert (pyramid[level] == slow_level(expected, int(width))).all()
 
 
 @FEW
@@ -93,65 +95,65 @@ def test_every_level_is_exact_while_walls_only_appear(seed: int, share: float) -
 def test_the_field_after_walls_come_and_go(seed: int, scans: int) -> None:
     rng = np.random.default_rng(seed)
     log_odds = random_walls(rng, 2 * EDGE + 12, 0.1)
-    fields = fields_of(log_odds)
+    pyramid = fields_of(log_odds)
     for _ in range(scans):
         after = random_walls(rng, 2 * EDGE + 12, 0.1)
         # A part stays, and what changes comes in any order.
         after = np.where(rng.random(after.shape) < 0.7, log_odds, after)
         changed = rng.permutation(changes_between(log_odds, after))
-        update_field(fields, LEVEL_WIDTHS, after, changed, BUMP)
+        update_likelihood_field(pyramid, LEVEL_WIDTHS, after, changed, GAUSSIAN)
         log_odds = after
-        expected = slow_field(log_odds, BUMP)
-        assert (fields[0] == expected).all()
+        expected = slow_field(log_odds, GAUSSIAN)
+        assert (pyramid[0] == expected).all()
         for level, width in enumerate(LEVEL_WIDTHS):
-            assert (fields[level] >= slow_level(expected, int(width))).all()
+            assert (pyramid[level] >= slow_level(expected, int(width))).all()
 
 
 def test_a_wall_that_goes_leaves_its_neighbour() -> None:
     size = 2 * EDGE + 3
     before = np.zeros((size, size), np.int16)
     before[EDGE, EDGE : EDGE + 2] = 100
-    fields = fields_of(before)
+    pyramid = fields_of(before)
     after = before.copy()
     after[EDGE, EDGE] = -1
-    update_field(fields, LEVEL_WIDTHS, after, changes_between(before, after), BUMP)
+    update_likelihood_field(pyramid, LEVEL_WIDTHS, after, changes_between(before, after), GAUSSIAN)
     alone = np.zeros_like(before)
     alone[EDGE, EDGE + 1] = 100
-    assert (fields[0] == slow_field(alone, BUMP)).all()
-    assert fields[0, EDGE, EDGE + 1] == 255
-    assert fields[0, EDGE, EDGE] == BUMP[REACH, REACH - 1]
+    assert (pyramid[0] == slow_field(alone, GAUSSIAN)).all()
+    assert pyramid[0, EDGE, EDGE + 1] == 255
+    assert pyramid[0, EDGE, EDGE] == GAUSSIAN[REACH, REACH - 1]
 
 
 def test_a_single_wall_by_hand() -> None:
-    bump = np.array([[1, 5, 1], [5, 255, 5], [1, 5, 1]], np.uint8)
+    gaussian = np.array([[1, 5, 1], [5, 255, 5], [1, 5, 1]], np.uint8)
     log_odds = np.zeros((40, 40), np.int16)
     log_odds[20, 20] = 7
-    fields = fields_of(log_odds, bump)
-    assert (fields[0, 19:22, 19:22] == bump).all()
-    assert np.count_nonzero(fields[0]) == 9
+    pyramid = fields_of(log_odds, gaussian)
+    assert (pyramid[0, 19:22, 19:22] == gaussian).all()
+    assert np.count_nonzero(pyramid[0]) == 9
     # The 2 x 2 cells from (v, u) on hold the wall for v, u in 19, 20.
-    assert fields[1, 18:23, 18:23].tolist() == [
+    assert pyramid[1, 18:23, 18:23].tolist() == [
         [1, 5, 5, 1, 0],
         [5, 255, 255, 5, 0],
         [5, 255, 255, 5, 0],
         [1, 5, 5, 1, 0],
         [0, 0, 0, 0, 0],
     ]
-    assert (fields[3, 5:21, 5:21] == 255).all()
-    assert fields[3, 4, 5] == 5
-    assert fields[3, 21, 21] == 1
-    assert np.count_nonzero(fields[3]) == 18 * 18
+    assert (pyramid[3, 5:21, 5:21] == 255).all()
+    assert pyramid[3, 4, 5] == 5
+    assert pyramid[3, 21, 21] == 1
+    assert np.count_nonzero(pyramid[3]) == 18 * 18
 
 
 def test_a_wider_bump() -> None:
-    bump = MapParameters(resolution=0.02, blur=0.05).bump()
+    gaussian = MapParameters(resolution=0.02, blur=0.05).gaussian_kernel()
     rng = np.random.default_rng(1)
     log_odds = np.zeros((90, 90), np.int16)
     log_odds[40:50, 40:50] = np.where(rng.random((10, 10)) < 0.2, 1, -1)
-    fields = fields_of(log_odds, bump)
-    expected = slow_field(log_odds, bump)
+    pyramid = fields_of(log_odds, gaussian)
+    expected = slow_field(log_odds, gaussian)
     for level, width in enumerate(LEVEL_WIDTHS):
-        assert (fields[level] == slow_level(expected, int(width))).all()
+        assert (pyramid[level] == slow_level(expected, int(width))).all()
 
 
 @FEW
@@ -162,40 +164,40 @@ def test_renewing_around_a_cell_as_its_twin(seed: int) -> None:
     field = rng.integers(0, 256, log_odds.shape).astype(np.uint8)
     v, u = (int(x) for x in rng.integers(EDGE, 80 - EDGE, 2))
     expected, near = field.copy(), np.s_[v - REACH : v + REACH + 1, u - REACH : u + REACH + 1]
-    expected[near] = slow_field(log_odds, BUMP)[near]
-    renew_field(field, log_odds, v, u, BUMP)
+    expected[near] = slow_field(log_odds, GAUSSIAN)[near]
+    recompute_field(field, log_odds, v, u, GAUSSIAN)
     assert np.array_equal(field, expected)
 
 
 # --- walls between beams
 
 
-def bridged(ends: list[tuple[float, float]], log_odds: NDArray[np.int16]) -> Cells:
-    """The cells that `bridge_walls` takes for wall."""
-    fields = np.zeros((len(LEVEL_WIDTHS), *log_odds.shape), np.uint8)
-    bridge_walls(fields, LEVEL_WIDTHS, log_odds, np.array(ends), BUMP)
-    whole = {(v, u) for v, u in np.argwhere(fields[0] == WALL).tolist()}
+def interpolated(ends: list[tuple[float, float]], log_odds: NDArray[np.int16]) -> Cells:
+    """The cells that `interpolate_gaps` takes for wall."""
+    pyramid = np.zeros((len(LEVEL_WIDTHS), *log_odds.shape), np.uint8)
+    interpolate_gaps(pyramid, LEVEL_WIDTHS, log_odds, np.array(ends), GAUSSIAN)
+    whole = {(v, u) for v, u in np.argwhere(pyramid[0] == MAX_LIKELIHOOD).tolist()}
     # What is raised is raised as around an occupied cell, in every level.
     occupied = np.zeros_like(log_odds)
     for cell in whole:
         occupied[cell] = 1
-    assert (fields == fields_of(occupied)).all()
+    assert (pyramid == fields_of(occupied)).all()
     return whole
 
 
-def slow_bridged(ends: list[tuple[float, float]], log_odds: NDArray[np.int16]) -> Cells:
+def slow_interpolated(ends: list[tuple[float, float]], log_odds: NDArray[np.int16]) -> Cells:
     """The same, by the rule as it is written."""
     way = [np.subtract(b, a) for a, b in pairwise(ends)]
     length = [float(np.hypot(*w)) for w in way]
 
-    def goes_on(k: int, j: int) -> bool:
+    def is_collinear(k: int, j: int) -> bool:
         if not 0 <= j < len(way) or max(length[j], length[k]) > 2 * min(length[j], length[k]):
             return False
         return float(way[k] @ way[j]) >= 0.97 * length[k] * length[j]
 
     cells = set()
     for k in range(len(way)):
-        if 1.5 <= length[k] <= 12 and (goes_on(k, k - 1) or goes_on(k, k + 1)):
+        if 1.5 <= length[k] <= 12 and (is_collinear(k, k - 1) or is_collinear(k, k + 1)):
             steps = floor(length[k])
             for i in range(1, steps + 1):
                 u, v = np.add(ends[k], way[k] * (i / (steps + 1)))
@@ -209,7 +211,7 @@ UNKNOWN = np.zeros((80, 80), np.int16)
 def test_a_far_wall_is_bridged() -> None:
     row = [(30.5, 40.5), (34.5, 40.5), (38.5, 40.5)]
     between = {(40, u) for u in (31, 32, 33, 35, 36, 37)}
-    assert between <= bridged(row, UNKNOWN) <= between | {(40, 30), (40, 34), (40, 38)}
+    assert between <= interpolated(row, UNKNOWN) <= between | {(40, 30), (40, 34), (40, 38)}
 
 
 @pytest.mark.parametrize(
@@ -223,7 +225,7 @@ def test_a_far_wall_is_bridged() -> None:
     ],
 )
 def test_what_is_not_bridged(ends: list[tuple[float, float]]) -> None:
-    assert bridged(ends, UNKNOWN) == set()
+    assert interpolated(ends, UNKNOWN) == set()
 
 
 def test_known_cells_are_not_taken_for_wall() -> None:
@@ -231,7 +233,7 @@ def test_known_cells_are_not_taken_for_wall() -> None:
     log_odds[40, 32] = -25
     log_odds[40, 36] = 85
     row = [(30.5, 40.5), (34.5, 40.5), (38.5, 40.5)]
-    assert not {(40, 32), (40, 36)} & bridged(row, log_odds)
+    assert not {(40, 32), (40, 36)} & interpolated(row, log_odds)
 
 
 @FEW
@@ -243,18 +245,18 @@ def test_bridges_as_their_twin(seed: int) -> None:
     ends = 40 + np.cumsum(np.column_stack([np.cos(heading), np.sin(heading)]) * steps[:, None], 0)
     ends = [(u, v) for u, v in np.clip(ends, 22, 58).tolist()]
     log_odds = rng.choice(np.array([0, 0, 0, -25, 85], np.int16), (80, 80))
-    assert bridged(ends, log_odds) == slow_bridged(ends, log_odds)
+    assert interpolated(ends, log_odds) == slow_interpolated(ends, log_odds)
 
 
 def test_a_beam_through_a_bridge_undoes_it() -> None:
-    fields = np.zeros((len(LEVEL_WIDTHS), 80, 80), np.uint8)
+    pyramid = np.zeros((len(LEVEL_WIDTHS), 80, 80), np.uint8)
     row = np.array([(30.5, 40.5), (34.5, 40.5), (38.5, 40.5)])
-    bridge_walls(fields, LEVEL_WIDTHS, UNKNOWN, row, BUMP)
+    interpolate_gaps(pyramid, LEVEL_WIDTHS, UNKNOWN, row, GAUSSIAN)
     log_odds, beam = UNKNOWN.copy(), np.array([(32.5, 50.5), (32.5, 35.5)])
     touched, changed = np.empty(20, np.int64), np.empty(20, np.int64)
     count = integrate_beams(
-        log_odds.reshape(-1), fields[0].reshape(-1), 80, beam, 0, RULES, touched, changed
+        log_odds.reshape(-1), pyramid[0].reshape(-1), 80, beam, 0, RULES, touched, changed
     )
     assert changed[:count].tolist() == [40 * 80 + 32]
-    update_field(fields, LEVEL_WIDTHS, log_odds, changed[:count], BUMP)
-    assert fields[0, 40, 32] == 0
+    update_likelihood_field(pyramid, LEVEL_WIDTHS, log_odds, changed[:count], GAUSSIAN)
+    assert pyramid[0, 40, 32] == 0

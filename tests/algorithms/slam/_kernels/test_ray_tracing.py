@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mapcli.algorithms.slam._kernels.likelihood_field import WALL
+from mapcli.algorithms.slam._kernels.likelihood_field import MAX_LIKELIHOOD
 from mapcli.algorithms.slam._kernels.ray_tracing import integrate_beams, place_beams
 
 Cells = set[tuple[int, int]]
@@ -58,7 +58,7 @@ def slow_integrate(
         after[cell] = max(lowest, int(log_odds[cell]) - miss) or -1
     changed = (after > 0) != (log_odds > 0)
     if field is not None:
-        changed |= (field == WALL) & (log_odds == 0) & (after < 0)
+        changed |= (field == MAX_LIKELIHOOD) & (log_odds == 0) & (after < 0)
     return after, {(v, u) for v, u in np.argwhere(changed).tolist()}
 
 
@@ -98,7 +98,7 @@ def test_integrate_as_its_twin(seed: int, n: int, size: int) -> None:
     laser, ends = rng.uniform(0, size, 2), rng.uniform(0, size, (n, 2))
     ends[: n // 3, rng.integers(2)] = laser[0]  # some straight along an axis, or nearly
     hits = int(rng.integers(0, n + 1))
-    field = rng.choice(np.array([0, 100, WALL], np.uint8), (size, size))
+    field = rng.choice(np.array([0, 100, MAX_LIKELIHOOD], np.uint8), (size, size))
     expected, changes = slow_integrate(log_odds, laser, ends, hits, RULES, field)
     after, changed = fast_integrate(log_odds, laser, ends, hits, field=field)
     assert (after == expected).all()

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.model.similarity import Scored
+from mapcli.model.similarity import ScoredCandidate
 
 
 @dataclass(frozen=True, eq=False)
-class Peaks:
+class LocalMaxima:
     """The answer to "is this place ambiguous?".
 
     Attributes:
@@ -22,8 +22,8 @@ class Peaks:
         at_border: the peak lies at the border of the window, so the true one may be outside.
     """
 
-    peak: Scored
-    second: Scored | None
+    peak: ScoredCandidate
+    second: ScoredCandidate | None
     second_share: float | None
     covariance: NDArray[np.float64]
     plateau: int

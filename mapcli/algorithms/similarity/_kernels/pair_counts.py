@@ -108,7 +108,7 @@ def find_runs(values: NDArray[np.int8]) -> Ints:
 def count(
     sums: Ints, row: Ints, start: Ints, end: Ints, obstacle: NDArray[np.bool_], offsets: Ints
 ) -> Ints:
-    """How runs of a perception map compare with the map at each offset; see `SignMap.counts`.
+    """How runs of a perception map compare with the map at each offset; see `TernaryMap.counts`.
 
     Args:
         sums: shape (rows + 1, columns + 1), obstacles * 2^32 + empty cells so far in each row.
