@@ -12,7 +12,6 @@ from mapcli.algorithms.scans.perception import PerceptionParameters
 from mapcli.algorithms.similarity.measures import SIMILARITIES
 from mapcli.algorithms.slam.local_map import LocalMapParameters
 from mapcli.algorithms.slam.log_odds import log_odds_counts
-from mapcli.algorithms.slam.loop_closure import LoopParameters
 from mapcli.algorithms.slam.match import MatchParameters
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
@@ -43,7 +42,6 @@ from mapcli.model.pose import Pose2D
 from mapcli.model.summary import Limit
 
 MAP, MATCH, PERCEPTION = MapParameters(), MatchParameters(), PerceptionParameters()
-LOCAL_MAP = LocalMapParameters()
 
 
 def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Command], Command]:
@@ -184,13 +182,8 @@ def slam_parameters(
     """
     if range_min is not None and range_max is not None and range_max <= range_min:
         raise click.UsageError("--range-max is not more than --range-min.")
-    if search != "window":
-        loops = False  # poses that are not searched for closely are not worth it
-    max_length_m = LOCAL_MAP.max_length_m if loops else None  # without loops, forget nothing
-    return SlamParameters(
-        local_map=replace(LOCAL_MAP, frozen=frozen, max_length_m=max_length_m),
-        detect_odometry_faults=loops,  # a map that never forgets contradicts right poses as well
-        loops=LoopParameters() if loops else None,
+    parameters = SlamParameters(
+        local_map=LocalMapParameters(frozen=frozen),
         map=replace(
             MAP,
             resolution=resolution,
@@ -208,6 +201,8 @@ def slam_parameters(
             step_theta_deg=step_theta_deg,
         ),
     )
+    # Poses that are not searched for closely are not worth the loops.
+    return parameters if loops and search == "window" else parameters.without_loops()
 
 
 def known_map(base: LoadedMap, parameters: SlamParameters) -> OccupancyGrid:

@@ -154,6 +154,24 @@ def test_no_loop_closing() -> None:
     assert closing["parameters"]["loops"] is not None
 
 
+@pytest.mark.parametrize(
+    ("options", "detects"),
+    [
+        ((), True),
+        (("--no-loop-closing",), False),
+        (("--known", "map.yaml", "--initial-pose", "0.1,0,0"), False),
+        (("--search", "book"), False),
+        (("--search", "none"), False),
+    ],
+)
+def test_failing_odometry_is_detected_where_the_map_forgets(
+    options: tuple[str, ...], detects: bool
+) -> None:
+    told = traced(CORRIDOR, *options)["parameters"]
+    assert told["detect_odometry_faults"] is detects
+    assert (told["local_map"]["max_length_m"] is not None) == detects
+
+
 # What cannot be
 
 

@@ -44,7 +44,7 @@ def replay(
 
     Args:
         records: odometry and scans in stamp order, of `mapcli.open_log(...).records()`.
-        parameters: how; see there.
+        parameters: how; by default all stages, but no loop closure in a known map.
         start: pose of the robot in the map at the first scan. By default the map's origin; in a
             known map it is searched for.
         known: a map to go on from instead of an empty one.
@@ -53,7 +53,8 @@ def replay(
         DataError: no scan among the records, a known map that cannot be gone on from, or a robot
             that is nowhere in it.
     """
-    p = parameters or SlamParameters()
+    default = SlamParameters() if known is None else SlamParameters().without_loops()
+    p = parameters or default
     grid = None if known is None else OccupancyGrid.from_grid_map(known, p.map)
     run = ReplayRun(Slam(p, start, grid))
     for _ in run.track(records):

@@ -18,7 +18,7 @@ What is done once the log has ended, loop closure above all, is `back_end`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
@@ -59,10 +59,8 @@ class SlamParameters:
         odometry: how far off odometry may be.
         calibrate_odometry: estimate its systematic errors from the map.
         detect_odometry_faults: follow hypotheses of odometry that fails (only with the search
-            `window`). It needs a local map that forgets: a map that remembers old laps contradicts
-            right poses as well, when the robot comes back with an error, and the points that then
-            lie in its free space would speak for a failure.
-        loops: without it, none are closed and no pose is refined when the log has ended.
+            `window`).
+        loops: None closes none, and refines no pose when the log has ended.
     """
 
     map: MapParameters = field(default_factory=MapParameters)
@@ -74,6 +72,16 @@ class SlamParameters:
     detect_odometry_faults: bool = True
     loops: LoopParameters | None = field(default_factory=LoopParameters)
     refine: RefineParameters = field(default_factory=RefineParameters)
+
+    def without_loops(self) -> SlamParameters:
+        """For the plain Algorithm 9.2: a map that never forgets, and no loop closure.
+
+        Failing odometry is not detected then. A map that remembers old laps contradicts right poses
+        as well, when the robot comes back with an error: points that lie in its free space would
+        pass for a failure.
+        """
+        local_map = replace(self.local_map, max_length_m=None)
+        return replace(self, local_map=local_map, detect_odometry_faults=False, loops=None)
 
 
 class Slam:
@@ -99,7 +107,7 @@ class Slam:
         self.local_map = LocalMap(known or OccupancyGrid(p.map), p.local_map)
         self.pose = start or Pose2D()
         self._is_continued = known is not None
-        self._is_lost, self._global_scans = known is not None and start is None, 0
+        self._is_localized, self._global_scans = known is None or start is not None, 0
         self.odometry = DeadReckoning(p.odometry, calibrate=p.calibrate_odometry)
         self.faults = OdometryFaults()
         self._detects_faults = p.detect_odometry_faults and p.match.search == "window"
@@ -124,7 +132,7 @@ class Slam:
         n = c.compose(motion or Pose2D())  # 3: new position based on odometry
         p = perceive(scan, self.parameters.perception)  # 4: analyze sensor data
         b = Match(n, 0.0, 0, found=False)
-        if self._is_lost:
+        if not self._is_localized:
             b = self._localize_globally(p)
         elif not first or self._is_continued:  # 5-8: the best test position around n
             uncertainty = self.odometry.uncertainty(motion)
@@ -134,7 +142,7 @@ class Slam:
                 b = self.faults.select(c, uncertainty, b, scan_in_map, self._history)
             self._update_history(c, b)
         n = b.pose  # 9: replace new position by best position
-        in_map = not self._is_lost and self.local_map.update(n, p)  # 10: update map based on it
+        in_map = self._is_localized and self.local_map.update(n, p)  # 10: update map based on it
         self._record(p, n, b, in_map=in_map)
         self.pose, self._has_begun = n, True  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
@@ -147,9 +155,9 @@ class Slam:
             DataError: `MOST_GLOBAL_SCANS` scans are found nowhere.
         """
         match = localize_globally(self.map, perception, self.parameters.match)
-        self._is_lost = not match.found
+        self._is_localized = match.found
         self._global_scans += len(perception.hits) >= MIN_POINTS
-        if self._is_lost and self._global_scans == MOST_GLOBAL_SCANS:
+        if not match.found and self._global_scans == MOST_GLOBAL_SCANS:
             raise DataError(
                 f"{MOST_GLOBAL_SCANS} scans are found nowhere in the known map",
                 expected="a start pose, or another map",

@@ -13,7 +13,6 @@ from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import edges_of
 from mapcli.algorithms.slam import global_localization as locating
 from mapcli.algorithms.slam.global_localization import localize_globally
-from mapcli.algorithms.slam.local_map import LocalMapParameters
 from mapcli.algorithms.slam.log_odds import LOG_ODDS_PER_COUNT, log_odds_from_probabilities
 from mapcli.algorithms.slam.match import MatchParameters
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
@@ -24,8 +23,7 @@ from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.world import World
 
 MATCH = MatchParameters()
-FORGETS_NOTHING = LocalMapParameters(max_length_m=None)
-SLAM = SlamParameters(loops=None, local_map=FORGETS_NOTHING, detect_odometry_faults=False)
+SLAM = SlamParameters().without_loops()
 
 
 def flat() -> np.ndarray:

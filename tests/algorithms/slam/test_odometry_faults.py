@@ -16,7 +16,7 @@ from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.odometry_faults import JITTER, OdometryFaults
 from mapcli.algorithms.slam.pose_refinement import ScanInMap
-from mapcli.algorithms.slam.slam import Slam
+from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.model.pose import Pose2D
 from mapcli.model.world import World
 
@@ -55,9 +55,11 @@ def counted(true: list[Pose2D], factors: dict[int, float]) -> list[Pose2D]:
     return odom
 
 
-def replayed(true: list[Pose2D], odom: list[Pose2D]) -> tuple[list[Pose2D], set[str], int]:
+def replayed(
+    true: list[Pose2D], odom: list[Pose2D], *, detect: bool = True
+) -> tuple[list[Pose2D], set[str], int]:
     """The poses in the end, all active hypotheses, and at how many scans odometry was wrong."""
-    slam, active = Slam(), set()
+    slam, active = Slam(SlamParameters(detect_odometry_faults=detect)), set()
     scans = [scan_at(CORRIDOR, pose, k) for k, pose in enumerate(true)]
     for _ in slam.replay(log_of(scans, odom)):
         active.add(slam.faults.active)
@@ -125,6 +127,9 @@ def test_odometry_that_counts_backwards_while_the_robot_drives() -> None:
     assert active == {"odometry", "reversed"}
     assert failed == 20
     assert worst(poses, true) < 0.1
+    poses, active, failed = replayed(true, odom, detect=False)
+    assert (active, failed) == ({"odometry"}, 0)
+    assert worst(poses, true) > 5
 
 
 def test_odometry_that_counts_backwards_while_the_robot_backs_up() -> None:
