@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,10 +18,10 @@ from mapcli.model.grid import GridMap, crop_to_known
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import Pose2D
 
-SEARCH = "search"
+if TYPE_CHECKING:
+    from mapcli.algorithms.maps.transform import MovedMap
 
-DOUBTFUL = 0.6
-"""Maps of different places were seen to reach a score of 0.5."""
+SEARCH = "search"
 
 
 class Crop(NumberList):
@@ -81,7 +81,7 @@ class Result:
     notes: tuple[tuple[str, str], ...] = ()
     warnings: tuple[str, ...] = ()
 
-    def moved(self, made: tuple[GridMap, Isometry]) -> Result:
+    def moved(self, made: MovedMap) -> Result:
         grid, motion = made
         return replace(self, grid=grid, motion=motion.after(self.motion))
 
@@ -168,38 +168,32 @@ def _origin(result: Result, origin: Pose2D, dialect: Dialect) -> Result:
 
 
 def _align(result: Result, value: bool, dialect: Dialect) -> Result:
-    from mapcli.algorithms.maps.transform import bake_yaw, move
-    from mapcli.algorithms.maps.wall_direction import wall_direction
+    from mapcli.algorithms.maps.transform import MovedMap, align_walls
 
-    angle = wall_direction(result.grid)
-    grid, motion = move(result.grid, Pose2D(0, 0, -angle))
+    grid, motion, angle = align_walls(result.grid)
     degrees = round(math.degrees(angle), 3) + 0.0
     text = f"walls at {degrees:g} deg, now at 0"
-    return result.moved((bake_yaw(grid), motion)).noted("align", text, walls_deg=degrees)
+    return result.moved(MovedMap(grid, motion)).noted("align", text, walls_deg=degrees)
 
 
 def _merge(result: Result, value: tuple[str, Pose2D | str | None], dialect: Dialect) -> Result:
-    from mapcli.algorithms.maps.registration import register, score
-    from mapcli.algorithms.maps.transform import merge, move
+    from mapcli.algorithms.maps.registration import merge_maps
 
     file, how = value
     digests = dict(result.digests)
     loaded = load_map(file, dialect=dialect, read=hashing(digests))
-    other = loaded.grid
-    if how == SEARCH:
-        found = register(result.grid, other)
-    else:
-        found, _ = score(result.grid, other, how if isinstance(how, Pose2D) else Pose2D())
+    motion = None if how == SEARCH else how if isinstance(how, Pose2D) else Pose2D()
+    grid, found = merge_maps(result.grid, loaded.grid, motion)
     overlap = found.overlap_m2
     fit = f"score {found.score:.2f} over {overlap:.1f} square metres"
     text = f"{file}: {motion_words(found.motion)}; {fit}"
     facts = {"motion": _rounded(found.motion), "score": round(found.score, 4)}
     warnings = tuple(f"{file}: {warning}" for warning in loaded.warnings)
-    if how == SEARCH and found.score < DOUBTFUL:
+    if how == SEARCH and not found.is_reliable:
         warnings += (f"{file}: fits with a score of only {found.score:.2f}; look at the result",)
     result = replace(
         result,
-        grid=merge(result.grid, move(crop_to_known(other), found.motion)[0]),
+        grid=grid,
         files=(*result.files, *loaded.files),
         digests=digests,
         warnings=(*result.warnings, *warnings),

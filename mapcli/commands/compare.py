@@ -72,11 +72,11 @@ def command(
     check_outputs(outputs, (a, b), "maps", no_clobber=no_clobber)
     digests: dict[str, str] = {}
     maps = [load_map(file, dialect=dialect, read=hashing(digests)) for file in (a, b)]
-    comparison, pairs = compare(maps[0].grid, maps[1].grid, align=align, low=low)
+    comparison = compare(maps[0].grid, maps[1].grid, align=align, threshold=low)
     if png:
         from mapcli.pictures.difference import difference_picture
 
-        picture = difference_picture(pairs, _names(a, b))
+        picture = difference_picture(comparison.pairs, _names(a, b))
         write_bytes(png, picture, no_clobber=no_clobber)
     if json_file:
         content = _json(comparison, digests, {"align": align, "low": low, "dialect": dialect})

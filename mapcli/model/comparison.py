@@ -16,10 +16,11 @@ STATES = ("free", "occupied", "unknown")
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Two maps, cell by cell on the first one's cells, and wall by wall.
+    """Two maps compared, cell by cell on the cells of the first, and by the distances of walls.
 
     Attributes:
         cells: cells by state in A and state in B, shape (3, 3); both unknown is not counted.
+        pairs: `3 * state in A + state in B` of each cell, shape (rows, columns), uint8.
         cell_area: square metres of a cell.
         walls_a, walls_b: metres from each wall cell of the one to the nearest of the other;
             empty when either has none.
@@ -28,6 +29,7 @@ class Comparison:
     """
 
     cells: NDArray[np.int64]
+    pairs: NDArray[np.uint8]
     cell_area: float
     walls_a: NDArray[np.float64]
     walls_b: NDArray[np.float64]
@@ -88,7 +90,9 @@ def _metres(distances: NDArray[np.float64], statistic: Any) -> float | None:
     return round(float(statistic(distances)), 6) if len(distances) else None
 
 
-LIMIT_FIELDS = tuple(
-    Comparison(np.zeros((3, 3), np.int64), 1.0, np.empty(0), np.empty(0)).document()
+_NOTHING = Comparison(
+    np.zeros((3, 3), np.int64), np.zeros((0, 0), np.uint8), 1.0, np.empty(0), np.empty(0)
 )
+
+LIMIT_FIELDS = tuple(_NOTHING.document())
 """The numbers that limits may be set on."""

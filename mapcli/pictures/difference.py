@@ -53,7 +53,7 @@ def difference_picture(pairs: NDArray[np.uint8], names: tuple[str, str]) -> byte
     """A PNG of the comparison of two maps.
 
     Args:
-        pairs: `3 * state in a + state in b` of each cell, shape (rows, columns).
+        pairs: as of `Comparison.pairs`.
         names: of the maps, for the legend.
     """
     plan = _plan(_cropped(pairs))

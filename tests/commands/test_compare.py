@@ -52,13 +52,13 @@ def run(*arguments: str) -> int:
 
 
 def test_numbers_by_hand() -> None:
-    comparison, pairs = compare(*grids())
+    comparison = compare(*grids())
     assert comparison.cells.tolist() == [[4, 1, 0], [1, 6, 0], [1, 1, 0]]
     assert comparison.agreement == 10 / 12
     assert comparison.agreement_all == 10 / 14
     assert comparison.iou(OCCUPIED) == 6 / 9
     assert comparison.iou(FREE) == 4 / 7
-    assert pairs.shape == (3, 5)
+    assert comparison.pairs.shape == (3, 5)
     # walls: A's cell 2,2 is two cells from 2,0 and from 0,2, and root 2 from B's 1,3
     assert sorted(comparison.walls_a) == pytest.approx([0] * 6 + [0.5 * 2**0.5])
     # B's 1,3 is one cell from 0,3; B's 1,4 root 2
@@ -71,18 +71,18 @@ def test_numbers_by_hand() -> None:
 
 def test_a_map_and_itself_and_a_map_elsewhere() -> None:
     a, _ = grids()
-    same, _ = compare(a, a)
+    same = compare(a, a)
     assert (same.agreement, same.agreement_all, same.iou(FREE), same.iou(OCCUPIED)) == (1, 1, 1, 1)
     assert same.document()["wall_max_m"] == 0
-    far, pairs = compare(a, move(a, Pose2D(10, -5))[0])
+    far = compare(a, move(a, Pose2D(10, -5))[0])
     assert (far.agreement, far.agreement_all, far.iou(FREE)) == (0, 0, 0)
     assert far.document()["wall_mean_m"] > 5
-    assert pairs.shape == (3 + 10, 5 + 20)
+    assert far.pairs.shape == (3 + 10, 5 + 20)
 
 
 def test_no_walls_fail_every_limit_on_walls() -> None:
     open_field = GridMap(np.zeros((3, 3)))
-    comparison, _ = compare(open_field, open_field)
+    comparison = compare(open_field, open_field)
     assert comparison.document()["wall_mean_m"] is None
     assert comparison.limits()["wall_mean_m"] == np.inf
 
@@ -90,7 +90,7 @@ def test_no_walls_fail_every_limit_on_walls() -> None:
 def test_a_finer_map_is_looked_up_at_the_centres() -> None:
     a, b = grids()
     fine = GridMap(b.cells.repeat(2, axis=0).repeat(2, axis=1), 0.25)
-    assert np.array_equal(compare(a, fine)[0].cells, compare(a, b)[0].cells)
+    assert np.array_equal(compare(a, fine).cells, compare(a, b).cells)
 
 
 def test_alignment_finds_a_turned_map(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,4 +1,4 @@
-"""Compares two maps of the same place."""
+"""Two maps of the same place compared: cell by cell, and by the distances of their walls."""
 
 from __future__ import annotations
 
@@ -14,42 +14,39 @@ from mapcli.model.grid import GridMap, histogram
 
 
 def compare(
-    a: GridMap, b: GridMap, *, align: bool = False, low: float = OCCUPIED_THRESHOLD
-) -> tuple[Comparison, NDArray[np.uint8]]:
+    a: GridMap, b: GridMap, *, align: bool = False, threshold: float = OCCUPIED_THRESHOLD
+) -> Comparison:
     """Compare two maps on the cells of the first, which go on as far as the second reaches.
-
-    Gives the comparison, and for each of these cells `3 * state in a + state in b`, shape (rows,
-    columns), uint8.
 
     Args:
         align: find the motion that lays `b` onto `a` first.
-        low: known cells are occupied from this probability on.
+        threshold: known cells are occupied from this probability on.
 
     Raises:
         DataError: as of `register`.
     """
-    found = register(a, b, low) if align else None
+    found = register(a, b, threshold) if align else None
     if found is not None:
         b, _ = move(b, found.motion)
     frame = joint_frame(a, b)
-    pairs = _states(sampled(a, *frame), low)
+    pairs = _states(sampled(a, frame), threshold)
     pairs *= np.uint8(3)
-    pairs += _states(sampled(b, *frame), low)
+    pairs += _states(sampled(b, frame), threshold)
     cells = histogram(pairs)[:9].reshape(3, 3)
     cells[UNKNOWN, UNKNOWN] = 0
-    comparison = Comparison(
+    return Comparison(
         cells,
+        pairs,
         a.resolution**2,
-        *_wall_distances(occupied_points(a, low), occupied_points(b, low)),
+        *_wall_distances(occupied_points(a, threshold), occupied_points(b, threshold)),
         alignment=None if found is None else found.motion,
         score=None if found is None else found.score,
     )
-    return comparison, pairs
 
 
-def _states(grid: GridMap, low: float) -> NDArray[np.uint8]:
+def _states(grid: GridMap, threshold: float) -> NDArray[np.uint8]:
     def state(cells: NDArray[np.float32]) -> NDArray[np.uint8]:
-        states = np.where(cells >= np.float32(low), np.uint8(OCCUPIED), np.uint8(FREE))
+        states = np.where(cells >= np.float32(threshold), np.uint8(OCCUPIED), np.uint8(FREE))
         return np.where(np.isnan(cells), np.uint8(UNKNOWN), states)
 
     return grid.each(state)

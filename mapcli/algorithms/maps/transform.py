@@ -3,17 +3,18 @@
 Some operations leave the world where it is: a wall has the same coordinates before and after, and
 only the cells that hold it change. Others move the world; they come with the isometry that took
 every point to its new place. Where cells are turned by other than quarter turns, each new cell
-takes what the old map holds at its centre.
+takes what the old map holds at its centre (nearest neighbour).
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapcli.algorithms.maps.wall_direction import wall_direction
 from mapcli.errors import DataError
 from mapcli.model.grid import UNKNOWN_PERCENT, GridMap, bands
 from mapcli.model.isometry import Isometry
@@ -28,6 +29,37 @@ _ROUNDING = 1e-6
 """Of a cell; boxes and corners that miss a grid line by less are meant to lie on it."""
 
 _ROUNDING_RAD = 1e-9
+"""Radians; turns that differ by less from quarter turns are meant to be quarter turns."""
+
+
+class MovedMap(NamedTuple):
+    """A map whose world was moved, and the motion that moved it."""
+
+    grid: GridMap
+    motion: Isometry
+
+
+class AlignedMap(NamedTuple):
+    """A map whose world was turned until its walls lie along the axes.
+
+    Attributes:
+        grid: the map, its origin without yaw.
+        motion: that moved the world.
+        walls: the angle of the walls before, radians from the world's axes.
+    """
+
+    grid: GridMap
+    motion: Isometry
+    walls: float
+
+
+class CellFrame(NamedTuple):
+    """Where the cells of a map lie: its origin, metres per cell, how many."""
+
+    origin: Pose2D
+    resolution: float
+    rows: int
+    columns: int
 
 
 def crop_to_box(grid: GridMap, left: float, bottom: float, right: float, top: float) -> GridMap:
@@ -61,29 +93,30 @@ def _extent(grid: GridMap) -> str:
     return f"a box in x {x0:g} to {x1:g} m, y {y0:g} to {y1:g} m"
 
 
-def shift(grid: GridMap, x: float, y: float) -> tuple[GridMap, Isometry]:
+def shift(grid: GridMap, x: float, y: float) -> MovedMap:
     """Move the world by x, y metres. The cells stay as they are."""
     return move(grid, Pose2D(x, y))
 
 
-def set_origin(grid: GridMap, origin: Pose2D) -> tuple[GridMap, Isometry]:
+def set_origin(grid: GridMap, origin: Pose2D) -> MovedMap:
     """Move the world so that the map's origin becomes `origin`. The cells stay as they are."""
     moved, motion = move(grid, origin.compose(grid.origin.inverse()))
-    return GridMap(moved.stored, grid.resolution, origin), motion
+    return MovedMap(GridMap(moved.stored, grid.resolution, origin), motion)
 
 
-def move(grid: GridMap, motion: Pose2D) -> tuple[GridMap, Isometry]:
+def move(grid: GridMap, motion: Pose2D) -> MovedMap:
     """Move the world by a motion. The cells stay as they are, the origin moves."""
-    return _placed(grid.stored, grid.resolution, motion.compose(grid.origin)), Isometry(motion)
+    moved = _placed(grid.stored, grid.resolution, motion.compose(grid.origin))
+    return MovedMap(moved, Isometry(motion))
 
 
-def rotate(grid: GridMap, angle: float) -> tuple[GridMap, Isometry]:
+def rotate(grid: GridMap, angle: float) -> MovedMap:
     """Turn the world about its origin by `angle`, radians; the origin's yaw stays as it was."""
     moved, motion = move(grid, Pose2D(0, 0, angle))
-    return bake_yaw(moved, grid.origin.theta), motion
+    return MovedMap(bake_yaw(moved, grid.origin.theta), motion)
 
 
-def flip(grid: GridMap, side: Side) -> tuple[GridMap, Isometry]:
+def flip(grid: GridMap, side: Side) -> MovedMap:
     """Mirror the world: x becomes -x (`left-right`) or y becomes -y (`up-down`)."""
     across = side == "left-right"
     mirror = Isometry(Pose2D(0, 0, math.pi if across else 0), mirrored=True)
@@ -95,7 +128,18 @@ def flip(grid: GridMap, side: Side) -> tuple[GridMap, Isometry]:
     (corner,) = mirror.apply(grid.origin.apply(np.array([[far.x, far.y]])))
     origin = Pose2D(corner[0], corner[1], wrap_angle(-grid.origin.theta))
     cells = grid.stored[:, ::-1] if across else grid.stored[::-1]
-    return _placed(cells, grid.resolution, origin), mirror
+    return MovedMap(_placed(cells, grid.resolution, origin), mirror)
+
+
+def align_walls(grid: GridMap) -> AlignedMap:
+    """Turn the world so that most walls lie along its axes.
+
+    Raises:
+        DataError: hardly any walls.
+    """
+    angle = wall_direction(grid)
+    moved, motion = move(grid, Pose2D(0, 0, -angle))
+    return AlignedMap(bake_yaw(moved), motion, angle)
 
 
 def bake_yaw(grid: GridMap, yaw: float = 0.0) -> GridMap:
@@ -108,7 +152,7 @@ def bake_yaw(grid: GridMap, yaw: float = 0.0) -> GridMap:
     x0, y0, x1, y1 = _bounds(grid, frame)
     size = grid.resolution
     columns, rows = (math.ceil((b - a) / size - _ROUNDING) for a, b in ((x0, x1), (y0, y1)))
-    return sampled(grid, frame.compose(Pose2D(x0, y0)), size, rows, columns)
+    return sampled(grid, CellFrame(frame.compose(Pose2D(x0, y0)), size, rows, columns))
 
 
 def _quarter_turned(grid: GridMap, quarters: int, yaw: float) -> GridMap:
@@ -128,7 +172,7 @@ def resample(grid: GridMap, resolution: float) -> GridMap:
     ratio = grid.resolution / resolution
     if ratio >= 1:
         rows, columns = (math.ceil(count * ratio - _ROUNDING) for count in grid.stored.shape)
-        return sampled(grid, grid.origin, resolution, rows, columns)
+        return sampled(grid, CellFrame(grid.origin, resolution, rows, columns))
     pooled = _highest(grid.stored[::-1], _starts(grid.rows, ratio), axis=0)
     pooled = _highest(pooled, _starts(grid.columns, ratio), axis=1)
     return GridMap(pooled[::-1], resolution, grid.origin)
@@ -148,23 +192,24 @@ def _highest(cells: NDArray[Any], starts: NDArray[np.intp], axis: int) -> NDArra
     return np.asarray(np.fmax.reduceat(cells, starts, axis=axis))
 
 
-def sampled(grid: GridMap, origin: Pose2D, resolution: float, rows: int, columns: int) -> GridMap:
+def sampled(grid: GridMap, frame: CellFrame) -> GridMap:
     """What the map holds at the centres of other cells. The world stays.
 
     Raises:
         DataError: more than MAX_CELLS cells.
     """
+    origin, resolution, rows, columns = frame
     _refuse_size(rows, columns)
     # Where the new cells' centres lie in the old map, in old cells from its lower left corner.
-    frame = grid.origin.between(origin)
-    cos, sin = math.cos(frame.theta), math.sin(frame.theta)
+    corner = grid.origin.between(origin)
+    cos, sin = math.cos(corner.theta), math.sin(corner.theta)
     along = (np.arange(columns) + 0.5) * resolution
     up = (rows - np.arange(rows) - 0.5) * resolution
     unknown = UNKNOWN_PERCENT if grid.stored.dtype == np.uint8 else np.nan
     cells = np.full((rows, columns), unknown, dtype=grid.stored.dtype)
     for band in bands(rows, columns):
-        u = (frame.x + cos * along[None, :] - sin * up[band, None]) / grid.resolution
-        v = (frame.y + sin * along[None, :] + cos * up[band, None]) / grid.resolution
+        u = (corner.x + cos * along[None, :] - sin * up[band, None]) / grid.resolution
+        v = (corner.y + sin * along[None, :] + cos * up[band, None]) / grid.resolution
         inside = (u >= 0) & (v >= 0) & (u < grid.columns) & (v < grid.rows)
         found = grid.rows - 1 - v[inside].astype(np.int64), u[inside].astype(np.int64)
         cells[band][inside] = grid.stored[found]
@@ -179,10 +224,10 @@ def merge(grid: GridMap, other: GridMap) -> GridMap:
     if other.resolution < grid.resolution * (1 - _ROUNDING):
         other = resample(other, grid.resolution)
     frame = joint_frame(grid, other)
-    mine, yours = _alike(sampled(grid, *frame).stored, sampled(other, *frame).stored)
+    mine, yours = _alike(sampled(grid, frame).stored, sampled(other, frame).stored)
     for rows in bands(*mine.shape):
         yours[rows] = _higher(mine[rows], yours[rows])
-    both = _placed(yours, grid.resolution, frame[0])
+    both = _placed(yours, grid.resolution, frame.origin)
     return _without_margin(both, grid)
 
 
@@ -196,8 +241,8 @@ def _without_margin(both: GridMap, grid: GridMap) -> GridMap:
     return both.part(int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1)
 
 
-def joint_frame(grid: GridMap, other: GridMap) -> tuple[Pose2D, float, int, int]:
-    """Origin, resolution, rows and columns of `grid`'s cells, going on as far as both reach."""
+def joint_frame(grid: GridMap, other: GridMap) -> CellFrame:
+    """The cells of `grid`, going on as far as both maps reach."""
     size = grid.resolution
     x0, y0, x1, y1 = (edge / size for edge in _bounds(other, grid.origin))
     left, below = min(math.floor(x0 + _ROUNDING), 0), min(math.floor(y0 + _ROUNDING), 0)
@@ -205,7 +250,7 @@ def joint_frame(grid: GridMap, other: GridMap) -> tuple[Pose2D, float, int, int]
     above = max(math.ceil(y1 - _ROUNDING), grid.rows)
     corner = Pose2D(left * size, below * size)
     origin = grid.origin.compose(corner) if left or below else grid.origin
-    return origin, size, above - below, right - left
+    return CellFrame(origin, size, above - below, right - left)
 
 
 def _alike(mine: NDArray[Any], yours: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:

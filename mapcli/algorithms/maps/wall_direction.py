@@ -1,4 +1,4 @@
-"""The main direction of a map's walls."""
+"""The main direction of a map's walls: the angle at which their projections are sharpest."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 
 OCCUPIED_THRESHOLD = 0.5
+"""Known cells are occupied from this probability on."""
 
 _MOST_CELLS = 40_000
 """Wall cells that are looked at; of more, some are left out at even intervals."""
 
 _FEWEST_CELLS = 10
+"""Fewer occupied cells have no direction."""
 
 _STEPS_DEG = (0.5, 0.1)
 """Angles are tried at the first step over a quarter turn, then finer around the best."""
@@ -24,15 +26,15 @@ _STEPS_DEG = (0.5, 0.1)
 _FITS = 4
 _LINES = 30
 _LINE_REACH = 2.5
-"""Then straight lines are fitted, so often, to so many of the fullest stripes along either axis,
-and to what lies within so many cells of them."""
+"""Then straight lines are fitted, so often, to so many of the fullest bins along either axis, and
+to the points within so many cells of them."""
 
 
-def occupied_points(grid: GridMap, low: float = OCCUPIED_THRESHOLD) -> NDArray[np.float64]:
+def occupied_points(grid: GridMap, threshold: float = OCCUPIED_THRESHOLD) -> NDArray[np.float64]:
     """World points of the centres of occupied cells, shape (n, 2), row by row."""
     found = []
     for first, band in _numbered(grid):
-        rows, columns = np.nonzero(band.each(lambda cells: cells >= np.float32(low)))
+        rows, columns = np.nonzero(band.each(lambda cells: cells >= np.float32(threshold)))
         found.append(grid.world_of_cells(rows + first, columns))
     return np.concatenate(found)
 
@@ -45,18 +47,17 @@ def _numbered(grid: GridMap) -> list[tuple[int, GridMap]]:
     return parts
 
 
-def wall_direction(grid: GridMap, low: float = OCCUPIED_THRESHOLD) -> float:
+def wall_direction(grid: GridMap, threshold: float = OCCUPIED_THRESHOLD) -> float:
     """The angle, radians from -pi/4 to pi/4, by which walls are turned against the world's axes.
 
-    At about that angle the walls, seen along themselves, fall into the fewest and fullest lines:
-    the sum of the squares of the counts in stripes one cell wide, along both axes, is largest.
-    What the longest of these lines lean by is the rest. A map whose outermost wall would not move
-    by half a cell is not turned at all.
+    At that angle the projections of the walls on both axes are sharpest: the sum of the squares of
+    the histogram, in bins one cell wide, is largest. It is refined by the slope of lines fitted to
+    the fullest bins. A map whose outermost wall would not move by half a cell gives 0.
 
     Raises:
         DataError: hardly any walls.
     """
-    points = occupied_points(grid, low)
+    points = occupied_points(grid, threshold)
     if len(points) < _FEWEST_CELLS:
         raise DataError(
             f"the map has {len(points)} occupied cells", expected="walls, to find their direction"
@@ -70,11 +71,11 @@ def wall_direction(grid: GridMap, low: float = OCCUPIED_THRESHOLD) -> float:
         best, reach = float(tries[_middle_of_best(np.array(scores))]), 2 * step
     angle = math.radians(best)
     for _ in range(_FITS):
-        angle += _lean(points, angle)
+        angle += _slope(points, angle)
     quarter = math.pi / 2
-    lean = (angle + quarter / 2) % quarter - quarter / 2
+    slope = (angle + quarter / 2) % quarter - quarter / 2
     reach = float(np.hypot(*points.T).max())
-    return 0.0 if abs(lean) * reach < 0.5 else lean
+    return 0.0 if abs(slope) * reach < 0.5 else slope
 
 
 def _middle_of_best(scores: NDArray[np.float64]) -> int:
@@ -84,29 +85,29 @@ def _middle_of_best(scores: NDArray[np.float64]) -> int:
 
 
 def _turned(points: NDArray[np.float64], angle: float) -> tuple[NDArray[Any], NDArray[Any]]:
-    """The points as seen along axes turned by `angle`."""
+    """Coordinates x and y of the points along axes turned by `angle`."""
     cos, sin = math.cos(angle), math.sin(angle)
     x, y = points.T
     return cos * x + sin * y, cos * y - sin * x
 
 
-def _lean(points: NDArray[np.float64], angle: float) -> float:
-    """By how much the fullest lines along axes turned by `angle` lean against these, radians."""
+def _slope(points: NDArray[np.float64], angle: float) -> float:
+    """The slope of the fullest lines against axes turned by `angle`, radians."""
     x, y = _turned(points, angle)
-    moments = np.sum([_moments(x, y), _moments(y, -x)], axis=0)
+    moments = np.sum([_line_moments(x, y), _line_moments(y, -x)], axis=0)
     return math.atan2(moments[0], moments[1])
 
 
-def _moments(along: NDArray[np.float64], across: NDArray[np.float64]) -> tuple[float, float]:
+def _line_moments(along: NDArray[np.float64], across: NDArray[np.float64]) -> tuple[float, float]:
     """Sums over lines of along * across and of along ** 2, each about the line's middle."""
     product = square = 0.0
     left = np.ones(len(across), dtype=np.bool_)
-    stripe = np.rint(across - across.min()).astype(np.int64)
+    bins = np.rint(across - across.min()).astype(np.int64)
     for _ in range(_LINES):
-        counts = np.bincount(stripe[left], minlength=1)
+        counts = np.bincount(bins[left], minlength=1)
         if counts.max() < _FEWEST_CELLS:
             break
-        line = left & (np.abs(stripe - int(np.argmax(counts))) <= _LINE_REACH)
+        line = left & (np.abs(bins - int(np.argmax(counts))) <= _LINE_REACH)
         a, b = along[line] - along[line].mean(), across[line] - across[line].mean()
         product += float((a * b).sum())
         square += float((a * a).sum())
@@ -115,15 +116,16 @@ def _moments(along: NDArray[np.float64], across: NDArray[np.float64]) -> tuple[f
 
 
 def _sharpness(points: NDArray[np.float64], angle: float) -> float:
-    return sum(_fullness(places) for places in _turned(points, angle))
+    """Sum of squares of the projections' histograms on both axes."""
+    return sum(_squared_histogram(places) for places in _turned(points, angle))
 
 
-def _fullness(places: NDArray[np.float64]) -> float:
-    """Sum of squares of the counts in stripes one wide; each point counts in the two nearest, by
-    its distance, so that no result depends on where the stripes begin."""
+def _squared_histogram(places: NDArray[np.float64]) -> float:
+    """Sum of squares of a histogram in bins one wide; each point counts in the two nearest bins,
+    by its distance, so that no result depends on where the bins begin."""
     places = places - places.min()
-    stripe = np.floor(places).astype(np.int64)
-    share = places - stripe
-    counts = np.bincount(stripe, 1 - share, minlength=int(stripe.max()) + 2)
-    counts[1:] += np.bincount(stripe, share, minlength=len(counts) - 1)[: len(counts) - 1]
+    bins = np.floor(places).astype(np.int64)
+    share = places - bins
+    counts = np.bincount(bins, 1 - share, minlength=int(bins.max()) + 2)
+    counts[1:] += np.bincount(bins, share, minlength=len(counts) - 1)[: len(counts) - 1]
     return float((counts**2).sum())

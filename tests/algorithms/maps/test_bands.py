@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mapcli.algorithms.maps.compare import compare
-from mapcli.algorithms.maps.registration import score
+from mapcli.algorithms.maps.registration import score_motion
 from mapcli.algorithms.maps.transform import bake_yaw, merge, move, resample, rotate
 from mapcli.algorithms.maps.wall_direction import occupied_points
 from mapcli.formats.maps.dump import SaveOptions, dump_map
@@ -53,8 +53,8 @@ RUNS: dict[str, Callable[[GridMap], Any]] = {
     "resampled": lambda grid: resample(grid, 0.23).cells.tobytes(),
     "merged": lambda grid: merge(grid, OTHER).cells.tobytes(),
     "walls": lambda grid: occupied_points(grid).tobytes(),
-    "scored": lambda grid: score(grid, OTHER, Pose2D()),
-    "compared": lambda grid: compare(grid, OTHER)[1].tobytes(),
+    "scored": lambda grid: score_motion(grid, OTHER, Pose2D()),
+    "compared": lambda grid: compare(grid, OTHER).pairs.tobytes(),
     "drawn": lambda grid: picture(grid, 3),
     "counted": lambda grid: (grid.count(np.isnan), grid.count(lambda cells: cells > 0.3)),
 }

@@ -13,6 +13,7 @@ from hypothesis.extra import numpy as hnp
 
 from mapcli.algorithms.maps.registration import register
 from mapcli.algorithms.maps.transform import (
+    CellFrame,
     bake_yaw,
     crop_to_box,
     flip,
@@ -232,4 +233,4 @@ def test_maps_that_do_not_fit() -> None:
 
 
 def test_sampling_elsewhere_is_unknown() -> None:
-    assert not sampled(room(), Pose2D(100, 100), 1.0, 2, 2).known.any()
+    assert not sampled(room(), CellFrame(Pose2D(100, 100), 1.0, 2, 2)).known.any()
