@@ -74,7 +74,7 @@ def best_in_window(
             the window, relative to it.
         known: what this returned for a smaller window within this one, which saves time.
     """
-    fields = grid.pyramid
-    values, top = fields.reshape(len(fields), -1), 2 if poses.reach < 8 else 3
-    levels = kernels.FieldLevels(values, LEVEL_WIDTHS, fields.shape[2], top)
-    return kernels.search(levels, points, middle, poses, prior, known)
+    levels, _, columns = grid.pyramid.shape
+    top = 2 if poses.reach < 8 else 3  # larger nodes pay in larger windows only
+    pyramid = kernels.Pyramid(grid.pyramid.reshape(levels, -1), LEVEL_WIDTHS, columns, top)
+    return kernels.search(pyramid, points, middle, poses, prior, known)

@@ -22,8 +22,8 @@ from mapcli.algorithms.slam._kernels.window_scores import (
 )
 
 
-class FieldLevels(NamedTuple):
-    """The likelihood field and its upper bounds (max-pooled, see `likelihood_field`).
+class Pyramid(NamedTuple):
+    """The likelihood field and its upper bounds, max-pooled (see `likelihood_field`).
 
     Attributes:
         values: shape (levels, rows * columns), uint8: in level k, at cell (v, u), the highest value
@@ -94,7 +94,7 @@ DU, DV, LEVEL = range(3)
 
 
 def search(
-    levels: FieldLevels,
+    pyramid: Pyramid,
     points: NDArray[np.float64],
     middle: NDArray[np.float64],
     poses: PoseGrid,
@@ -114,8 +114,8 @@ def search(
         known: what this returned for a smaller window within this one, which saves time.
     """
     # Plain tuples get into compiled code in a third of the time of records.
-    records = tuple(levels), tuple(poses), tuple(prior)
-    width = int(levels.widths[levels.top])
+    records = tuple(pyramid), tuple(poses), tuple(prior)
+    width = int(pyramid.widths[pyramid.top])
     scans = np.empty((2 * poses.turns + 1, len(points)), np.int64)
     bounds = np.empty(len(scans) * ((2 * poses.reach + width) // width) ** 2)
     bound_window(*records, points, middle, scans, bounds)
@@ -123,13 +123,13 @@ def search(
     # Sorted outside the compiled loops, where a sort alone would take two seconds to compile.
     order = np.flatnonzero(bounds > best.score)
     order = order[np.argsort(-bounds[order], kind="stable")]
-    stack = np.empty((len(levels.widths) * width**2, 3), np.int64)
+    stack = np.empty((len(pyramid.widths) * width**2, 3), np.int64)
     return BestPose(*branch(*records, scans, (bounds, order), stack, tuple(best)))
 
 
 @kernel
 def bound_window(
-    levels: Plain,
+    pyramid: Plain,
     poses: Plain,
     prior: Plain,
     points: NDArray[np.float64],
@@ -138,32 +138,32 @@ def bound_window(
     bounds: NDArray[np.float64],
 ) -> None:
     """`rotate_scan` and `bound_nodes` for a call from Python; the first three are fields of a
-    `FieldLevels`, a `PoseGrid` and a `Prior`."""
-    levels_, poses_, prior_ = FieldLevels(*levels), PoseGrid(*poses), Prior(*prior)
-    rotate_scan(points, middle, poses_.turn_step, levels_.columns, scans)
-    bound_nodes(levels_, scans, poses_, prior_, bounds)
+    `Pyramid`, a `PoseGrid` and a `Prior`."""
+    pyramid_, poses_, prior_ = Pyramid(*pyramid), PoseGrid(*poses), Prior(*prior)
+    rotate_scan(points, middle, poses_.turn_step, pyramid_.columns, scans)
+    bound_nodes(pyramid_, scans, poses_, prior_, bounds)
 
 
 @kernel
 def bound_nodes(
-    levels: FieldLevels,
+    pyramid: Pyramid,
     scans: NDArray[np.int64],
     poses: PoseGrid,
     prior: Prior,
     bounds: NDArray[np.float64],
 ) -> None:
     """Fill `bounds` with upper bounds of the scores in each of the largest nodes."""
-    width, field = levels.widths[levels.top], levels.values[levels.top]
+    width, field = pyramid.widths[pyramid.top], pyramid.values[pyramid.top]
     for number in range(len(bounds)):
-        du, dv, turn, _ = node_at(number, levels, poses)
+        du, dv, turn, _ = node_at(number, pyramid, poses)
         shift = nearest_in(du, width) ** 2 + nearest_in(dv, width) ** 2
-        fit = sum_of_field(field, scans[turn + poses.turns], dv * levels.columns + du)
+        fit = sum_of_field(field, scans[turn + poses.turns], dv * pyramid.columns + du)
         bounds[number] = fit - penalty(shift, turn**2, prior)
 
 
 @kernel
 def branch(
-    levels: Plain,
+    pyramid: Plain,
     poses: Plain,
     prior: Plain,
     scans: NDArray[np.int64],
@@ -172,13 +172,13 @@ def branch(
     best: Plain,
 ) -> Plain:
     """`open_nodes` for a call from Python, in and out with fields of the records."""
-    levels_, poses_, prior_ = FieldLevels(*levels), PoseGrid(*poses), Prior(*prior)
-    return open_nodes(levels_, scans, poses_, prior_, Queue(*queue), stack, BestPose(*best))[:5]
+    pyramid_, poses_, prior_ = Pyramid(*pyramid), PoseGrid(*poses), Prior(*prior)
+    return open_nodes(pyramid_, scans, poses_, prior_, Queue(*queue), stack, BestPose(*best))[:5]
 
 
 @kernel
 def open_nodes(
-    levels: FieldLevels,
+    pyramid: Pyramid,
     scans: NDArray[np.int64],
     poses: PoseGrid,
     prior: Prior,
@@ -191,14 +191,14 @@ def open_nodes(
     for number in queue.order:
         if queue.bounds[number] <= best.score:
             break
-        node = node_at(number, levels, poses)
-        best = open_node(levels, scans[node.turn + poses.turns], poses, prior, node, stack, best)
+        node = node_at(number, pyramid, poses)
+        best = open_node(pyramid, scans[node.turn + poses.turns], poses, prior, node, stack, best)
     return best
 
 
 @kernel
 def open_node(
-    levels: FieldLevels,
+    pyramid: Pyramid,
     scan: NDArray[np.int64],
     poses: PoseGrid,
     prior: Prior,
@@ -212,13 +212,13 @@ def open_node(
     while depth:
         depth -= 1
         low_u, low_v, level = stack[depth, DU], stack[depth, DV], stack[depth, LEVEL]
-        width, child = levels.widths[level], levels.widths[level - 1]
+        width, child = pyramid.widths[level], pyramid.widths[level - 1]
         for dv in range(low_v, min(low_v + width, poses.reach + 1), child):
             for du in range(low_u, min(low_u + width, poses.reach + 1), child):
                 if child == 1 and (du % poses.stride or dv % poses.stride):
                     continue
                 shift = nearest_in(du, child) ** 2 + nearest_in(dv, child) ** 2
-                fit = sum_of_field(levels.values[level - 1], scan, dv * levels.columns + du)
+                fit = sum_of_field(pyramid.values[level - 1], scan, dv * pyramid.columns + du)
                 score = fit - penalty(shift, turn * turn, prior)
                 if score <= best.score:
                     continue
@@ -231,13 +231,13 @@ def open_node(
 
 
 @kernel
-def node_at(number: int, levels: FieldLevels, poses: PoseGrid) -> Node:
+def node_at(number: int, pyramid: Pyramid, poses: PoseGrid) -> Node:
     """One of the largest nodes, which are numbered by turn, then dv, then du."""
-    width = levels.widths[levels.top]
+    width = pyramid.widths[pyramid.top]
     side = nodes_per_side(poses.reach, width)
     square, turn = number % (side * side), number // (side * side) - poses.turns
     du, dv = square % side * width - poses.reach, square // side * width - poses.reach
-    return Node(du, dv, turn, levels.top)
+    return Node(du, dv, turn, pyramid.top)
 
 
 @kernel

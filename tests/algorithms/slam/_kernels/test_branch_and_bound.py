@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from support.walls import MIDDLE, SIZE, Floats, fields_of, place, scan_around, walls
 
 from mapcli.algorithms.slam._kernels import branch_and_bound as kernels
-from mapcli.algorithms.slam._kernels.branch_and_bound import BestPose, FieldLevels
+from mapcli.algorithms.slam._kernels.branch_and_bound import BestPose, Pyramid
 from mapcli.algorithms.slam._kernels.window_scores import PoseGrid, Prior
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
 
@@ -69,8 +69,8 @@ def slow_search(
     return best
 
 
-def levels_of(fields: NDArray[np.uint8], top: int) -> FieldLevels:
-    return FieldLevels(fields.reshape(len(fields), -1), LEVEL_WIDTHS, fields.shape[2], top)
+def pyramid_of(fields: NDArray[np.uint8], top: int) -> Pyramid:
+    return Pyramid(fields.reshape(len(fields), -1), LEVEL_WIDTHS, fields.shape[2], top)
 
 
 @settings(deadline=None, max_examples=150)
@@ -95,9 +95,9 @@ def test_search_finds_what_trying_everything_finds(
     poses = PoseGrid(reach, turns, stride, float(rng.uniform(0.005, 0.1)))
     prior = Prior(255.0 * n * share, 9.0, float(rng.uniform(0, 2)), float(rng.uniform(0, 2)))
     best = slow_search(fields[0], points, middle, poses, prior)
-    levels = levels_of(fields, top)
+    pyramid = pyramid_of(fields, top)
 
-    du, dv, k, score, fit = kernels.search(levels, points, middle, poses, prior)
+    du, dv, k, score, fit = kernels.search(pyramid, points, middle, poses, prior)
 
     assert score == pytest.approx(best, abs=1e-6)
     assert max(abs(du), abs(dv)) <= reach
@@ -107,8 +107,8 @@ def test_search_finds_what_trying_everything_finds(
     assert (score, fit) == pytest.approx(own, abs=1e-6)
 
     smaller = poses._replace(reach=reach // 2, turns=turns // 2)
-    known = kernels.search(levels, points, middle, smaller, prior)
-    again = kernels.search(levels, points, middle, poses, prior, known)
+    known = kernels.search(pyramid, points, middle, smaller, prior)
+    again = kernels.search(pyramid, points, middle, poses, prior, known)
     assert again.score == pytest.approx(best, abs=1e-6)
 
 
@@ -122,7 +122,7 @@ def test_search_of_noise() -> None:
         points, middle = rng.uniform(-15, 15, (9, 2)), np.array([MIDDLE, MIDDLE, 0.3])
         poses, prior = PoseGrid(7, 2, 1, 0.02), Prior(200.0, 9.0, 0.1, 0.1)
         best = slow_search(field, points, middle, poses, prior)
-        found = kernels.search(levels_of(fields, top), points, middle, poses, prior)
+        found = kernels.search(pyramid_of(fields, top), points, middle, poses, prior)
         assert found.score == pytest.approx(best)
 
 
@@ -130,13 +130,13 @@ def test_search_by_hand() -> None:
     # One wall, and a robot that sees it 5 cells ahead while it is 8 ahead and 2 to the left.
     log_odds = np.zeros((SIZE, SIZE), np.int16)
     log_odds[52, 58] = 1
-    levels, points = levels_of(fields_of(log_odds), 2), np.array([[5.0, 0.0]])
+    pyramid, points = pyramid_of(fields_of(log_odds), 2), np.array([[5.0, 0.0]])
     middle, poses = np.array([50.5, 50.5, 0.0]), PoseGrid(6, 0, 1, 0.01)
-    found = kernels.search(levels, points, middle, poses, Prior(0.0, 13.0, 1.0, 1.0))
+    found = kernels.search(pyramid, points, middle, poses, Prior(0.0, 13.0, 1.0, 1.0))
     assert found == BestPose(3, 2, 0, score=255, fit=255)
     assert found.cells(middle, 0.01).tolist() == [53.5, 52.5, 0]
     # 13 squared standard deviations cost half of what they may cost at most.
-    found = kernels.search(levels, points, middle, poses, Prior(100.0, 13.0, 1.0, 1.0))
+    found = kernels.search(pyramid, points, middle, poses, Prior(100.0, 13.0, 1.0, 1.0))
     assert found == BestPose(3, 2, 0, score=205, fit=255)
 
 
@@ -145,5 +145,5 @@ def test_where_the_map_does_not_care_the_prior_decides() -> None:
     points, middle = np.array([[3.0, 4.0], [-5.0, 1.0]]), np.array([MIDDLE, MIDDLE, 1.0])
     poses, prior = PoseGrid(9, 3, 1, 0.1), Prior(10.0, 9.0, 0.1, 0.1)
     for top in (1, 2, 3):
-        found = kernels.search(levels_of(fields, top), points, middle, poses, prior)
+        found = kernels.search(pyramid_of(fields, top), points, middle, poses, prior)
         assert found == BestPose(0, 0, 0, score=18, fit=18)
