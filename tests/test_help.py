@@ -10,15 +10,10 @@ from collections.abc import Iterator
 
 import click
 import pytest
+from conftest import run
 
 from mapcli import __version__
-from mapcli.cli import COMMANDS, cli, main
-
-
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(list(arguments))
-    return int(leaving.value.code or 0)
+from mapcli.cli import COMMANDS, cli
 
 
 def command(name: str) -> click.Command:

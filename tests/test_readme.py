@@ -21,7 +21,7 @@ from pathlib import Path
 
 import click
 import pytest
-from support.paths import ROOT
+from conftest import ROOT
 from test_help import parsed
 
 from mapcli.cli import COMMANDS

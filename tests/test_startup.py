@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from support.paths import FIXTURES
+from conftest import FIXTURES
 
 APARTMENT = FIXTURES / "apartment.mcap"
 

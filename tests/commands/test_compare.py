@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import run as run_mapcli
 from PIL import Image
 
 from mapcli.algorithms.maps.compare import compare
 from mapcli.algorithms.maps.transform import bake_yaw, move
-from mapcli.cli import main
 from mapcli.formats.maps.load import dump_map, load_map
 from mapcli.model.comparison import FREE, OCCUPIED
 from mapcli.model.grid import GridMap
@@ -45,10 +45,8 @@ def grids() -> tuple[GridMap, GridMap]:
     return load_map("a.txt").grid, load_map("b.txt").grid
 
 
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(["compare", *arguments])
-    return int(leaving.value.code or 0)
+def run(*arguments: object) -> int:
+    return run_mapcli("compare", *arguments)
 
 
 def test_numbers_by_hand() -> None:

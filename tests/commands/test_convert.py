@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import run
 
-from mapcli.cli import main
 from mapcli.formats.maps.load import load_map
 from mapcli.model.pose import Pose2D
 
@@ -25,9 +25,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def convert(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(["convert", *arguments])
-    return int(leaving.value.code or 0)
+    return run("convert", *arguments)
 
 
 def names() -> set[str]:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import FIXTURES, run
 from PIL import Image
-from support.paths import FIXTURES
 
 from mapcli.cli import main
 from mapcli.pictures.drawing import WHITE
@@ -33,9 +33,7 @@ def _files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def evaluate(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(["evaluate", *arguments])
-    return int(leaving.value.code or 0)
+    return run("evaluate", *arguments)
 
 
 def document(*arguments: str) -> dict[str, Any]:

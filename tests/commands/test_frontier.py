@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import FIXTURES, run
 from PIL import Image
-from support.paths import FIXTURES
 
-from mapcli.cli import main
 from mapcli.formats.maps.load import dump_map, load_map
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
@@ -31,9 +30,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def frontier(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(["frontier", *arguments])
-    return int(leaving.value.code or 0)
+    return run("frontier", *arguments)
 
 
 def frames(name: str) -> int:

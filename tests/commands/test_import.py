@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from conftest import SHARED
 from support.mcap_making import mcap_bytes, mcap_file, odom, scan
-from support.paths import SHARED
 
 from mapcli.cli import main
 from mapcli.formats.logs.open_log import open_log

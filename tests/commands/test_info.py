@@ -9,10 +9,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from conftest import run
 from PIL import Image
 
 from mapcli import __version__
-from mapcli.cli import main
 
 YAML = (
     "image: m.pgm\nresolution: 0.05\norigin: [-1.5, 2, 0.5]\nnegate: 0\n"
@@ -31,9 +31,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def info(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(["info", *arguments])
-    return int(leaving.value.code or 0)
+    return run("info", *arguments)
 
 
 PAIR_REPORT = """\

@@ -8,23 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import FIXTURES, run
 from mcap.reader import make_reader
 from numpy.typing import NDArray
-from support.paths import FIXTURES
 
 from mapcli.algorithms.slam.log_odds import log_odds_counts
-from mapcli.cli import main
 from mapcli.formats.maps.load import load_map
 
 LOG = FIXTURES / "lateral.mcap"
 STAYS, GOES, WALL = (0.8, 0.5), (1.7, 0.5), (1.2, 1.1)
 """Points of the map, which begins where the robot does, at 0.1, 0.1 of the world."""
-
-
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(list(arguments))
-    return int(leaving.value.code or 0)
 
 
 def mapped(folder: Path, end: float) -> NDArray[np.float32]:

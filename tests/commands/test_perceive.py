@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.paths import FIXTURES, ROOT
+from conftest import FIXTURES, ROOT, run
 
-from mapcli.cli import main
 from mapcli.formats.documents.perception import load_perception
 from mapcli.formats.documents.perception_output import dump_perception
 from mapcli.model.perception import (
@@ -32,12 +31,6 @@ Capture = pytest.CaptureFixture[str]
 @pytest.fixture(autouse=True)
 def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-
-
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(list(arguments))
-    return int(leaving.value.code or 0)
 
 
 def best_of(capsys: Capture, *arguments: str) -> dict[str, Any]:

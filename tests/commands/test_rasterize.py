@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from conftest import FIXTURES, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.paths import FIXTURES
 
 from mapcli.algorithms.maps.polygons import polygons_at, solid_area, world_of_area
 from mapcli.algorithms.maps.rasterize import box_around, covered_shares, frame_of, rasterize
 from mapcli.algorithms.maps.vectorize import vectorize
-from mapcli.cli import main
 from mapcli.errors import DataError
 from mapcli.formats.documents.world import load_world, read_world, write_world
 from mapcli.formats.maps.load import load_map
@@ -27,12 +26,6 @@ FIGURE = FIXTURES / "fig9_1.yaml"
 TRIANGLE = World.of([[[6, 3], [3, 7], [6, 7]]])
 BOOK_CELLS = {(5, 3), (5, 4), (5, 5), (4, 5), (5, 6), (4, 6), (3, 6)}
 """x, y of the cells of Fig. 9.1a, y down."""
-
-
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(list(arguments))
-    return int(leaving.value.code or 0)
 
 
 def solid_cells(grid: GridMap) -> set[tuple[int, int]]:

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import run
 from numpy.typing import NDArray
 
 from mapcli.algorithms.maps.rasterize import frame_of, rasterize
 from mapcli.algorithms.maps.rectify_map import rectify_map
 from mapcli.algorithms.maps.rectify_trace import RectifyParameters, rectify_trace
 from mapcli.algorithms.simulation.drive import plan_drive
-from mapcli.cli import main
 from mapcli.errors import DataError
 from mapcli.formats.maps.load import load_map
 from mapcli.formats.maps.text import write_numbers
@@ -26,12 +26,6 @@ from mapcli.model.world import World
 
 ROOM = [(0, 0), (5, 0), (5, 3), (3, 3), (3, 4.5), (0, 4.5), (0, 0)]
 """Six walls, one corner of which points inwards."""
-
-
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(list(arguments))
-    return int(leaving.value.code or 0)
 
 
 def followed(

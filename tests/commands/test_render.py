@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import run
 from PIL import Image
 
-from mapcli.cli import main
 from mapcli.formats.maps.load import dump_map
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
@@ -43,9 +43,7 @@ def write_trace(**changes: Any) -> None:
 
 
 def render(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(["render", *arguments])
-    return int(leaving.value.code or 0)
+    return run("render", *arguments)
 
 
 def size(name: str) -> tuple[int, int]:

@@ -12,11 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import FIXTURES, modules_loaded_by, run
 from PIL import Image
-from support.paths import FIXTURES
-from support.starting import modules_loaded_by
 
-from mapcli.cli import main
 from mapcli.formats.documents.perception import load_perception
 from mapcli.formats.maps.load import load_map
 from mapcli.model.perception import GridPerceptions, ScanPerception
@@ -32,12 +30,6 @@ def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in (CORNER, SCAN, GRIDS, POINTS, LANDMARKS):
         shutil.copy(FIXTURES / name, tmp_path)
     monkeypatch.chdir(tmp_path)
-
-
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(list(arguments))
-    return int(leaving.value.code or 0)
 
 
 @pytest.fixture

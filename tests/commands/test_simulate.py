@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import FIXTURES
+from conftest import run as run_mapcli
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_typestore
-from support.paths import FIXTURES
 
 from mapcli.algorithms.simulation.drive import Drive, plan_drive
 from mapcli.algorithms.simulation.sensors import Fault, LaserModel, WheelModel
 from mapcli.algorithms.simulation.simulate import GRAIN, START_NS, Simulation, check_clearance
-from mapcli.cli import main
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
@@ -249,9 +249,7 @@ def test_a_start_in_an_obstacle() -> None:
 
 
 def run(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(["simulate", *map(str, arguments)])
-    return int(leaving.value.code or 0)
+    return run_mapcli("simulate", *arguments)
 
 
 def messages(file: Path) -> list[tuple[str, int, bytes]]:

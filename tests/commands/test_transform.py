@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import run
 
 from mapcli.algorithms.maps.transform import bake_yaw, move
 from mapcli.cli import main
@@ -30,9 +31,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def transform(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(["transform", *arguments])
-    return int(leaving.value.code or 0)
+    return run("transform", *arguments)
 
 
 def trace() -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from conftest import FIXTURES
 from hypothesis import strategies as st
-from support.paths import FIXTURES
 
 from mapcli.formats.maps.load import load_map
 from mapcli.model.exploration import Exploration

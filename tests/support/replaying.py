@@ -7,10 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import pytest
-from support.paths import FIXTURES
+from conftest import FIXTURES, run
 
-from mapcli.cli import main
 from mapcli.formats.logs.mcap.writer import McapLogWriter
 from mapcli.model.scan import Record
 
@@ -21,9 +19,7 @@ Trace = dict[str, Any]
 
 def replay(*arguments: str) -> int:
     """Run the command; its exit code."""
-    with pytest.raises(SystemExit) as leaving:
-        main(["slam-replay", *arguments])
-    return int(leaving.value.code or 0)
+    return run("slam-replay", *arguments)
 
 
 def traced(*arguments: str) -> Trace:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.paths import FIXTURES
+from conftest import FIXTURES
 
 from mapcli.algorithms.evaluation.self_check import (
     SelfCheckParameters,

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import FIXTURES, SHARED
 from hypothesis import given
 from hypothesis import strategies as st
-from support.paths import FIXTURES, SHARED
 
 from mapcli.algorithms.evaluation.trajectory_error import (
     EvaluateParameters,

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import FIXTURES, modules_loaded_by
 from support.exploring import BOOK
-from support.paths import FIXTURES
-from support.starting import modules_loaded_by
 
 from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
 from mapcli.algorithms.exploration.explore import explore

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import run
 from mcap.reader import make_reader
 
 from mapcli.algorithms.simulation._kernels.mowing import (
@@ -27,7 +28,6 @@ from mapcli.algorithms.simulation._kernels.mowing import (
 from mapcli.algorithms.simulation.mowing import MowerModel, mow, smallest_reliable
 from mapcli.algorithms.simulation.mowing_plan import plan_mowing
 from mapcli.algorithms.simulation.sensors import WheelModel
-from mapcli.cli import main
 from mapcli.errors import DataError
 from mapcli.model.mowing import Mowing
 from mapcli.model.pose import Pose2D
@@ -36,12 +36,6 @@ from mapcli.model.world import World
 LAWN = World.of([[[0, 0], [4, 0], [4, 2], [0, 2]]])
 EXACT = WheelModel(noise=(0, 0, 0, 0))
 USUAL = np.array([0.02, 0.02, 0.02, 0.005])
-
-
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as leaving:
-        main(list(arguments))
-    return int(leaving.value.code or 0)
 
 
 # --- the plan

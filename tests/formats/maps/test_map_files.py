@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import SHARED
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from PIL import Image
-from support.paths import SHARED
 
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.maps.dialects import DIALECTS
