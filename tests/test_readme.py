@@ -85,6 +85,7 @@ def masked(text: str) -> str:
     return text
 
 
+@pytest.mark.slow
 def test_commands_print_what_is_shown(tmp_path: Path) -> None:
     shown, real = masked(README), masked(with_real_output(str(tmp_path)))
     assert shown.splitlines() == real.splitlines()

@@ -6,11 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from conftest import FIXTURES
 
 APARTMENT = FIXTURES / "apartment.mcap"
 
 
+@pytest.mark.slow
 def test_a_replay_does_not_load_linear_algebra(tmp_path: Path) -> None:
     arguments = ["slam-replay", str(APARTMENT), "-o", str(tmp_path), "-q", "--end", "2"]
     code = (

@@ -87,6 +87,7 @@ def test_the_trace() -> None:
     assert trace["summary"]["reason"] == "complete"
 
 
+@pytest.mark.slow
 def test_all_outputs_and_that_they_are_the_same_again() -> None:
     names = {"--json": "t.json", "--png": "p.png", "--gif": "g.gif", "--map": "m.yaml",
              "--curve": "c.png"}  # fmt: skip

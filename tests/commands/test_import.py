@@ -193,6 +193,7 @@ FACTS = {  # scans, ODOM lines, beams, readings without return
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FACTS)
 def test_real_logs_and_their_imports_are_the_same(name: str, tmp_path: Path) -> None:
     path = DATASETS / f"{name}.log.gz"

@@ -196,6 +196,7 @@ def test_round_trip(capsys: Capture) -> None:
     assert best["pose"]["theta"] == pytest.approx(pose["theta"], abs=math.radians(2))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DATASETS.exists(), reason="no data sets here")
 def test_round_trip_of_a_real_log(capsys: Capture) -> None:
     shutil.copy(DATASETS / "freiburg-101.log.gz", "robot.log.gz")

@@ -255,6 +255,7 @@ def test_a_window_of_landmarks(table: Table) -> None:
 # --- pictures
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [(CORNER, SCAN), (CORNER, GRIDS), (POINTS, LANDMARKS),

@@ -115,6 +115,7 @@ def test_single_outputs_are_all_that_is_written(
     assert all(Path(file).name in last[1] for file in written)
 
 
+@pytest.mark.slow
 def test_two_runs_give_the_same_bytes_whatever_the_number_of_threads(usual: Path) -> None:
     for threads in ("1", "2"):
         done = in_own_process("-q", CORRIDOR, "-o", threads, NUMBA_NUM_THREADS=threads)

@@ -111,6 +111,7 @@ def test_points_between_neighbours() -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_truth_passes_and_a_torn_trace_does_not(
     records: list[Record], truth: Trajectory
 ) -> None:

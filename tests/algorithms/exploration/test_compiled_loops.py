@@ -59,6 +59,7 @@ def assert_equal(ours: Exploration, theirs: Exploration) -> None:
     assert ours.summary == theirs.summary
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
 def test_compiled_and_plain_take_the_same_steps(options: dict[str, Any]) -> None:
     done = 0

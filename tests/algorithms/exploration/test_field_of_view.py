@@ -87,6 +87,7 @@ def test_the_range_is_a_disc() -> None:
     ]
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(world=worlds(largest=9), sensor_range=st.integers(2, 12), data=st.data())
 def test_every_cell_that_a_ray_gets_to(

@@ -96,6 +96,7 @@ def test_a_robot_on_a_frontier_cell_senses_there_first() -> None:
     assert [cell[:2] for cell in sensed(step)] == [(6, 13), (7, 13), (8, 11), (8, 12), (8, 13)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", STRATEGIES)
 @pytest.mark.parametrize("known", ["fig9_4", None])
 def test_literal_algorithm_on_the_two_rooms(strategy: Any, known: str | None) -> None:

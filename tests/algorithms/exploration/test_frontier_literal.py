@@ -38,6 +38,7 @@ def assert_same(case: dict[str, Any], compiled: bool = False, **options: Any) ->
     return len(literal.steps)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", STRATEGIES)
 @settings(max_examples=150, deadline=None)
 @given(case=exploration_cases())
@@ -45,6 +46,7 @@ def test_one_robot(strategy: str, case: dict[str, Any]) -> None:
     assert_same(case, strategy=strategy)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", STRATEGIES)
 @settings(max_examples=60, deadline=None)
 @given(case=exploration_cases(robots=3))
@@ -52,6 +54,7 @@ def test_several_robots(strategy: str, case: dict[str, Any]) -> None:
     assert_same(case, strategy=strategy)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", STRATEGIES)
 @settings(max_examples=60, deadline=None)
 @given(case=exploration_cases(robots=2), sensor_range=st.integers(2, 9))
@@ -59,6 +62,7 @@ def test_sensing_at_a_distance(strategy: str, case: dict[str, Any], sensor_range
     assert_same(case, strategy=strategy, sensor_range=sensor_range)
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None)
 @given(
     case=exploration_cases(robots=2),
@@ -71,6 +75,7 @@ def test_diagonal_moves_and_limits(case: dict[str, Any], **options: Any) -> None
     assert_same(case, **options)
 
 
+@pytest.mark.slow
 def test_robots_with_a_radius() -> None:
     """At least 20 of the cases must be explorations in which a robot with a body goes on after its
     first look: one that is too large for its place compares nothing. (36 to 56 of 150 are.)"""

@@ -207,6 +207,7 @@ def test_no_walls_no_direction() -> None:
         wall_direction(GridMap(np.zeros((3, 3))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "motion", [Pose2D(0, 0, 0), Pose2D(7.3, -12.1, 2.4), Pose2D(-40, 3, -0.4)], ids=str
 )

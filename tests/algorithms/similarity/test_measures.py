@@ -118,6 +118,7 @@ def shifted(p: PerceptionMap, shape: tuple[int, int], du: int, dv: int) -> np.nd
     return result
 
 
+@pytest.mark.slow
 @FEW
 @given(st.integers(0, 10_000))
 def test_counts_as_the_slow_twin(seed: int) -> None:

@@ -201,6 +201,7 @@ def _inside(path: np.ndarray, x: float, y: float) -> bool:
     return bool(np.count_nonzero(crossing & (x < ax + (y - ay) / rise * (bx - ax))) % 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_exact_areas_as_sampled_ones(seed: int) -> None:
     rng = np.random.default_rng(seed)

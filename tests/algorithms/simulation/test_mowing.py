@@ -96,6 +96,7 @@ def test_what_robots_do_is_what_wheels_measure_the_other_way_round() -> None:
     assert (back.x, back.theta) == pytest.approx((0.4, 0.2))
 
 
+@pytest.mark.slow
 def test_the_covariance_is_that_of_many_runs() -> None:
     rng = np.random.default_rng(1)
     count, steps = 20_000, 40
@@ -156,6 +157,7 @@ def test_marks_under_a_robot() -> None:
     assert mark_under(np.array([0.0, 0.0, 0.0]), marks, -1.0) == -1
 
 
+@pytest.mark.slow
 def test_compiled_and_plain_runs_are_the_same() -> None:
     plan = plan_mowing(LAWN, 1.0, 4)
     normals = np.random.default_rng(2).standard_normal((600, 2))
