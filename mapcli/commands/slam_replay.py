@@ -11,7 +11,6 @@ import click
 from mapcli.algorithms.scans.perception import PerceptionParameters
 from mapcli.algorithms.similarity.measures import SIMILARITIES
 from mapcli.algorithms.slam.local_map import LocalMapParameters
-from mapcli.algorithms.slam.log_odds import log_odds_counts
 from mapcli.algorithms.slam.match import MatchParameters
 from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
@@ -68,11 +67,11 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 @_option("--no-return", PERCEPTION.no_return, "What beams without return passed: `clear` makes it "
          "open up to the maximum range, `ignore` leaves it as it was.",
          type=click.Choice(("clear", "ignore")))  # fmt: skip
-@click.option("--p-hit", type=Number(0.5, 1, min_open=True, max_open=True), metavar="P",
-              help="Obstacle probability of an unknown cell after one beam ended in it; nearer to "
-              "0.5 for sensors that err.  [default: 0.993]")  # fmt: skip
-@click.option("--p-miss", type=Number(0, 0.5, min_open=True, max_open=True), metavar="P",
-              help="The same after one beam passed through.  [default: 0.19]")  # fmt: skip
+@_option("--p-hit", MAP.p_hit, "Obstacle probability of an unknown cell after one beam ended in "
+         "it; nearer to 0.5 for sensors that err.", metavar="P",
+         type=Number(0.5, 1, min_open=True, max_open=True))  # fmt: skip
+@_option("--p-miss", MAP.p_miss, "The same after one beam passed through.", metavar="P",
+         type=Number(0, 0.5, min_open=True, max_open=True))  # fmt: skip
 @_option("--search", MATCH.search, "Where to look for each scan's pose: in a window around the "
          "odometry's, at the book's fifteen poses, or nowhere (believe the odometry).",
          type=click.Choice(("window", "book", "none")))  # fmt: skip
@@ -164,8 +163,8 @@ def slam_parameters(
     range_min: float | None,
     range_max: float | None,
     no_return: Any,
-    p_hit: float | None,
-    p_miss: float | None,
+    p_hit: float,
+    p_miss: float,
     search: Any,
     similarity: Any,
     window_xy: float,
@@ -184,12 +183,7 @@ def slam_parameters(
         raise click.UsageError("--range-max is not more than --range-min.")
     parameters = SlamParameters(
         local_map=LocalMapParameters(frozen=frozen),
-        map=replace(
-            MAP,
-            resolution=resolution,
-            hit=MAP.hit if p_hit is None else log_odds_counts(p_hit),
-            miss=MAP.miss if p_miss is None else -log_odds_counts(p_miss),
-        ),
+        map=replace(MAP, resolution=resolution, p_hit=p_hit, p_miss=p_miss),
         perception=PerceptionParameters(range_min, range_max, no_return),
         match=replace(
             MATCH,
@@ -215,4 +209,6 @@ def known_map(base: LoadedMap, parameters: SlamParameters) -> OccupancyGrid:
         return OccupancyGrid.from_grid_map(base.grid, parameters.map)
     except DataError as error:
         error.file = error.file or str(base.files[0])
+        if base.grid.origin.theta:
+            error.expected = "0, which `mapcli transform --bake-yaw` makes it"
         raise

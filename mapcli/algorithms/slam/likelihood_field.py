@@ -2,7 +2,7 @@
 
 The field says, for every cell, how well the end of a beam fits there: 255 in an occupied cell,
 falling off as a Gaussian around it. The pyramid's level k holds, for every cell, the maximum of the
-field over the LEVEL_WIDTHS[k] x LEVEL_WIDTHS[k] cells from it on: the upper bounds of
+field over the LEVEL_WIDTHS[k] x LEVEL_WIDTHS[k] cells from it up and right: the upper bounds of
 `_kernels/branch_and_bound.py`. Level 0 is the field itself.
 
 `build_pyramid` makes both in one go; while a map grows, its pyramid follows the cells that change
@@ -17,14 +17,24 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.slam._kernels.likelihood_field import MAX_LIKELIHOOD, update_likelihood_field
+from mapcli.algorithms.slam._kernels.likelihood_field import (
+    MAX_LIKELIHOOD,
+    update_likelihood_field,
+)
 
 LEVEL_WIDTHS = np.array([1, 2, 4, 16], dtype=np.int64)
-"""Cells a side that one value of each level of the field bounds."""
+"""Cells a side over which one value of each level of the pyramid is the maximum."""
 
 
 def gaussian_kernel(sigma: float) -> NDArray[np.uint8]:
-    """The likelihood field around one wall cell, shape (2 r + 1, 2 r + 1); `sigma` in cells."""
+    """The likelihood field around one occupied cell, out to three standard deviations.
+
+    Args:
+        sigma: standard deviation, in cells.
+
+    Returns:
+        shape (2 r + 1, 2 r + 1), 255 in the middle and 0 outside a circle of radius r + 0.5.
+    """
     radius = math.ceil(3 * sigma)
     steps = np.arange(-radius, radius + 1)
     squares = steps[:, None] ** 2 + steps[None, :] ** 2
@@ -35,16 +45,18 @@ def gaussian_kernel(sigma: float) -> NDArray[np.uint8]:
 def build_pyramid(
     pyramid: NDArray[np.uint8], log_odds: NDArray[np.int16], gaussian: NDArray[np.uint8]
 ) -> None:
-    """Fill the field, and the levels that bound it, of a map that has none yet.
+    """Build the likelihood field of a map, and the coarser levels that bound it.
 
     Args:
-        pyramid: shape (levels, rows, columns), zeros; log_odds: the map, shape (rows, columns).
+        pyramid: shape (levels, rows, columns), zeros; filled.
+        log_odds: the map, shape (rows, columns); more than 0 is occupied.
+        gaussian: from `gaussian_kernel`.
     """
-    walls = np.flatnonzero(log_odds > 0)
-    if not len(walls):
+    occupied = np.flatnonzero(log_odds > 0)
+    if not len(occupied):
         return
-    update_likelihood_field(pyramid, LEVEL_WIDTHS[:1], log_odds, walls, gaussian)
-    part = pyramid[:, *_around(walls, log_odds.shape[1], len(gaussian) // 2)]
+    update_likelihood_field(pyramid, LEVEL_WIDTHS[:1], log_odds, occupied, gaussian)
+    part = pyramid[:, *_support(occupied, log_odds.shape[1], len(gaussian) // 2)]
     for level, (width, wider) in enumerate(pairwise(LEVEL_WIDTHS.tolist()), start=1):
         bound = part[level - 1]
         for axis in (0, 1):
@@ -52,9 +64,13 @@ def build_pyramid(
         part[level] = bound
 
 
-def _around(walls: NDArray[np.int64], columns: int, reach: int) -> tuple[slice, slice]:
-    """The rows and columns where the field and its bounds are more than 0."""
-    v, u = np.divmod(walls, columns)
+def _support(occupied: NDArray[np.int64], columns: int, reach: int) -> tuple[slice, slice]:
+    """The rows and columns outside which the field and its bounds are 0.
+
+    Args:
+        occupied: indices of cells, row * columns + column; reach: radius of the Gaussian, cells.
+    """
+    v, u = np.divmod(occupied, columns)
     before, after = reach + int(LEVEL_WIDTHS[-1]), reach + 1
     return (
         slice(int(v.min()) - before, int(v.max()) + after),
@@ -65,7 +81,11 @@ def _around(walls: NDArray[np.int64], columns: int, reach: int) -> tuple[slice, 
 def max_pool_ahead(
     values: NDArray[np.uint8], count: int, stride: int, axis: int
 ) -> NDArray[np.uint8]:
-    """For every place the highest of `count` values along an axis, `stride` apart, from it on."""
+    """For every cell the maximum of `count` values along an axis, `stride` apart, from it on.
+
+    (A few maxima of whole arrays of bytes: `scipy.ndimage.maximum_filter1d` gives the same in 18
+    times the time, and takes 0.4 s to import.)
+    """
     highest = values.copy()
     size = values.shape[axis]
     for k in range(1, count):

@@ -13,9 +13,14 @@ from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import edges_of
 from mapcli.algorithms.slam import global_localization as locating
 from mapcli.algorithms.slam.global_localization import localize_globally
-from mapcli.algorithms.slam.log_odds import LOG_ODDS_PER_COUNT, log_odds_from_probabilities
+from mapcli.algorithms.slam.log_odds import (
+    LOG_ODDS_PER_COUNT,
+    MAX_COUNTS,
+    MIN_COUNTS,
+    log_odds_from_probabilities,
+)
 from mapcli.algorithms.slam.match import MatchParameters
-from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
+from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.slam import MOST_GLOBAL_SCANS, Slam, SlamParameters
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
@@ -179,11 +184,11 @@ def test_cells_by_hand() -> None:
 
 
 def test_log_odds_keep_to_the_limits_of_a_map() -> None:
-    p = MapParameters(highest=100, lowest=-50)
-    counts = log_odds_from_probabilities(
-        np.array([[0.0, 1.0, 0.5, np.nan]], np.float32), p.lowest, p.highest
-    )
-    assert counts.tolist() == [[-50, 100, -1, 0]]
+    # ln(1e9) is 20.7: 352 counts; a probability of 0 or 1 is taken as 1e-9 from it.
+    counts = log_odds_from_probabilities(np.array([[0.0, 1.0, 0.5, np.nan]], np.float32))
+    assert counts.tolist() == [[-352, 352, -1, 0]]
+    assert counts.min() >= MIN_COUNTS
+    assert counts.max() <= MAX_COUNTS
 
 
 def test_walls_of_a_known_map_are_fitted_to(known: GridMap) -> None:
@@ -198,7 +203,7 @@ def test_a_yaw_is_refused(known: GridMap) -> None:
     turned = replace(known, origin=Pose2D(0, 0, math.radians(30)))
     with pytest.raises(DataError, match="the origin's yaw is 30 deg") as error:
         opened(turned)
-    assert "transform" in str(error.value.expected)
+    assert "along the axes" in str(error.value.expected)
 
 
 @pytest.mark.parametrize("value", [np.nan, 0.0, 0.5])

@@ -130,9 +130,13 @@ def test_one_beam_settles_a_cell() -> None:
     assert 0.65 <= probability(result, 1.02, 0.02) < 1
 
 
+def test_the_default_hit_is_worth_more_than_three_misses() -> None:
+    assert MapParameters().log_odds_rules() == (85, 25, 1000, -500)
+
+
 def test_cells_never_get_beyond_their_limits() -> None:
     grid = OccupancyGrid()
-    p = grid.parameters
+    p = grid.parameters.log_odds_rules()
     for _ in range(p.highest // p.hit + 2 - p.lowest // p.miss):
         grid.integrate(HERE, AHEAD)
     assert (grid.log_odds.min(), grid.log_odds.max()) == (p.lowest, p.highest)
@@ -155,12 +159,13 @@ def test_a_cell_can_always_change() -> None:
 
 
 def test_probabilities_follow_the_log_odds() -> None:
-    grid = OccupancyGrid(MapParameters(resolution=1.0, hit=17, miss=34))
+    p_hit, p_miss = 1 / (1 + math.exp(-1)), 1 / (1 + math.exp(2))
+    grid = OccupancyGrid(MapParameters(resolution=1.0, p_hit=p_hit, p_miss=p_miss))
     grid.integrate(Pose2D(0.5, 0.5), seen([(1, 0)]))
     result = grid.to_grid_map()
     # Log-odds of 1 and of -2.
-    assert probability(result, 1.5, 0.5) == pytest.approx(1 / (1 + math.exp(-1)), abs=1e-6)
-    assert probability(result, 0.5, 0.5) == pytest.approx(1 / (1 + math.exp(2)), abs=1e-6)
+    assert probability(result, 1.5, 0.5) == pytest.approx(p_hit, abs=1e-6)
+    assert probability(result, 0.5, 0.5) == pytest.approx(p_miss, abs=1e-6)
 
 
 def test_an_empty_map_is_one_unknown_cell() -> None:
@@ -310,7 +315,7 @@ def test_a_resolution_must_be_sane(resolution: float) -> None:
         MapParameters(resolution=resolution)
 
 
-def test_the_bump_by_hand() -> None:
+def test_the_gaussian_by_hand() -> None:
     # Standard deviation of one cell: 255 exp(-d^2 / 2), within a circle of 3 cells and a half.
     gaussian = MapParameters(resolution=0.05, blur=0.05).gaussian_kernel()
     assert gaussian.shape == (7, 7)
@@ -322,7 +327,7 @@ def test_the_bump_by_hand() -> None:
     assert (gaussian == gaussian[::-1]).all()
 
 
-def test_the_bump_is_as_wide_as_the_blur_and_at_least_a_cell() -> None:
+def test_the_gaussian_is_as_wide_as_the_blur_and_at_least_a_cell() -> None:
     assert MapParameters(resolution=0.05, blur=0.1).gaussian_kernel().shape == (13, 13)
     assert MapParameters(resolution=0.05, blur=0.1).gaussian_kernel()[6, 8] == 155
     narrow = MapParameters(resolution=0.5, blur=0.05).gaussian_kernel()

@@ -1,7 +1,8 @@
-"""The likelihood field around the walls of a map, and the bounds on it (see `likelihood`).
+"""Keep the likelihood field around the occupied cells of a map, and its max-pooled pyramid, up to
+date (see `slam/likelihood_field.py`).
 
 Grids here are bottom-up: `[v, u]` with u along x and v along y, in cells. Callers see to it that
-every wall's surroundings lie inside the arrays.
+every occupied cell's surroundings lie inside the arrays.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from mapcli.algorithms.compiling import kernel
 
 MAX_LIKELIHOOD = 255
-"""The likelihood field's value on a wall."""
+"""The likelihood field's value in an occupied cell."""
 
 
 @kernel
@@ -25,18 +26,18 @@ def update_likelihood_field(
     changed: NDArray[np.int64],
     gaussian: NDArray[np.uint8],
 ) -> None:
-    """Bring the likelihood field up to date around cells that changed.
+    """Bring the likelihood field and its bounds up to date around cells that changed.
 
-    `pyramid[0]` holds, for every cell, the highest `gaussian` of the occupied cells around it;
-    `pyramid[k][v, u]` bounds `pyramid[0]` over the `widths[k]` x `widths[k]` cells from (v, u) up
-    and right. Where a wall vanishes the bounds stay: still bounds, only less tight, and walls
-    vanish seldom.
+    `pyramid[0]` holds, for every cell, the maximum of the Gaussians of the occupied cells around
+    it; `pyramid[k][v, u]` bounds `pyramid[0]` over the `widths[k]` x `widths[k]` cells from (v, u)
+    up and right. Where an obstacle vanishes the bounds stay: still bounds, only less tight, and
+    obstacles vanish seldom.
 
     Args:
         pyramid: shape (levels, rows, columns), changed in place.
         widths: shape (levels,), the first is 1; levels beyond them are left as they are.
         log_odds: the map, already changed.
-        changed: the cells' numbers, row times columns plus column.
+        changed: indices of the cells, row * columns + column.
         gaussian: shape (2 r + 1, 2 r + 1), falling from its centre outward.
     """
     columns = log_odds.shape[1]
@@ -58,7 +59,8 @@ def recompute_field(
     u: int,
     gaussian: NDArray[np.uint8],
 ) -> None:
-    """Make the field around one cell anew, as far as a gaussian reaches, from the walls near it."""
+    """Compute the field around one cell anew, as far as a Gaussian reaches, from the occupied
+    cells near it."""
     r = len(gaussian) // 2
     for y in range(v - r, v + r + 1):
         for x in range(u - r, u + r + 1):
@@ -81,8 +83,8 @@ def stamp_gaussian(
     u: int,
     gaussian: NDArray[np.uint8],
 ) -> None:
-    """Put the gaussian of one wall cell into the field and its bounds, where its peak is as wide as
-    the squares that they bound."""
+    """Raise the field, and each of its bounds, to at least the Gaussian of one occupied cell; in a
+    bound, its peak is as wide as the squares over which that is the maximum."""
     r = len(gaussian) // 2
     for level in range(len(widths)):
         width = widths[level]
@@ -93,8 +95,8 @@ def stamp_gaussian(
 
 @kernel
 def stamp_row(row: NDArray[np.uint8], u: int, width: int, gaussian: NDArray[np.uint8]) -> None:
-    """Put one row of a gaussian into the field, its peak stretched over `width` cells, the last of
-    them at u. (Loops so plain that they compile to many cells at a time.)"""
+    """Raise one row of a level to at least one row of a Gaussian, its peak repeated over `width`
+    cells, the last of them at u. (Loops so plain that they compile to many cells at a time.)"""
     r, first = len(gaussian) // 2, u - width + 1
     for k in range(r):
         row[first - r + k] = max(row[first - r + k], gaussian[k])
@@ -104,8 +106,10 @@ def stamp_row(row: NDArray[np.uint8], u: int, width: int, gaussian: NDArray[np.u
         row[u + k] = max(row[u + k], gaussian[r + k])
 
 
-LONGEST_GAP = 12.0
-"""Cells between two beams' ends that may be one wall."""
+MIN_GAP = 1.5
+"""Cells between two beams' ends, below which there is no cell between them."""
+MAX_GAP = 12.0
+"""Cells between two beams' ends that may lie on one wall."""
 STRAIGHT_COSINE = 0.97
 """Cosine of the largest turn that a wall makes from one beam's end to the next."""
 
@@ -118,26 +122,25 @@ def interpolate_gaps(
     ends: NDArray[np.float64],
     gaussian: NDArray[np.uint8],
 ) -> None:
-    """Raise the field between neighbouring ends of beams that lie on a straight wall.
+    """Raise the field along the gaps between neighbouring ends of beams on a straight wall.
 
-    Far walls are hit here and there only. In a field of dots a scan fits best where its own dots
-    fall on those of the scan before, that is where the robot has not moved. Only cells of which
-    nothing is known are taken for wall, and a beam that passes there undoes it.
+    Far walls are hit here and there only. In a field of isolated points a scan fits best where its
+    own points fall on those of the scan before, that is where the robot has not moved. Only unknown
+    cells are raised, and a beam that passes through one undoes it (see `ray_tracing`).
 
     Args:
+        pyramid, widths, log_odds, gaussian: see `update_likelihood_field`.
         ends: shape (n, 2), the (u, v) of hits, in the order of the beams.
     """
     n = len(ends)
     for k in range(n - 1):
         du, dv = ends[k + 1, 0] - ends[k, 0], ends[k + 1, 1] - ends[k, 1]
-        length = sqrt(du * du + dv * dv)
-        if length < 1.5 or length > LONGEST_GAP:
+        gap = sqrt(du * du + dv * dv)
+        if gap < MIN_GAP or gap > MAX_GAP:
             continue
-        if not (
-            is_collinear(ends, k - 1, du, dv, length) or is_collinear(ends, k + 1, du, dv, length)
-        ):
+        if not (is_collinear(ends, k - 1, du, dv, gap) or is_collinear(ends, k + 1, du, dv, gap)):
             continue
-        steps = floor(length)
+        steps = floor(gap)
         for i in range(1, steps + 1):
             share = i / (steps + 1)
             u, v = floor(ends[k, 0] + share * du), floor(ends[k, 1] + share * dv)
@@ -146,11 +149,12 @@ def interpolate_gaps(
 
 
 @kernel
-def is_collinear(ends: NDArray[np.float64], k: int, du: float, dv: float, length: float) -> bool:
-    """Whether the way from end k to the next is straight on with (du, dv), and about as long."""
+def is_collinear(ends: NDArray[np.float64], k: int, du: float, dv: float, gap: float) -> bool:
+    """Whether the line from end k to the next has the direction of (du, dv), and is half to twice
+    as long as that, which is `gap`."""
     if k < 0 or k + 1 >= len(ends):
         return False
     on_u, on_v = ends[k + 1, 0] - ends[k, 0], ends[k + 1, 1] - ends[k, 1]
     on = sqrt(on_u * on_u + on_v * on_v)
-    alike = on <= 2 * length and length <= 2 * on
-    return alike and on_u * du + on_v * dv >= STRAIGHT_COSINE * on * length
+    alike = on <= 2 * gap and gap <= 2 * on
+    return alike and on_u * du + on_v * dv >= STRAIGHT_COSINE * on * gap

@@ -1,4 +1,4 @@
-"""Writing a scan into the map: its beams through the log-odds grid.
+"""Ray tracing: one scan's beams written into the log-odds grid.
 
 Grids here are bottom-up: `[v, u]` with u along x and v along y, in cells. Callers see to it that
 every beam lies inside the arrays.
@@ -7,6 +7,7 @@ every beam lies inside the arrays.
 from __future__ import annotations
 
 from math import cos, floor, sin
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,105 +24,167 @@ FAR = 1 << 62
 """Beyond every cell."""
 
 
+class GridFrame(NamedTuple):
+    """Where a grid lies: (x, y) of the lower left corner of cell (0, 0), and metres per cell."""
+
+    x: float
+    y: float
+    cell: float
+
+
+class RobotPose(NamedTuple):
+    """The pose of the robot in the map: metres and radians."""
+
+    x: float
+    y: float
+    theta: float
+
+
+class CellBox(NamedTuple):
+    """The lowest and the highest (u, v) of some cells."""
+
+    low_u: int
+    low_v: int
+    high_u: int
+    high_v: int
+
+
+NO_CELLS = CellBox(FAR, FAR, -FAR, -FAR)
+
+
+class BeamExtent(NamedTuple):
+    """What beams cover.
+
+    Attributes:
+        box: the cells of their ends and of their start.
+        max_touched: upper bound of the number of cells that they touch.
+    """
+
+    box: CellBox
+    max_touched: int
+
+
+class Beams(NamedTuple):
+    """The beams of one scan on a grid.
+
+    Attributes:
+        cells: shape (n + 1, 2), (u, v) in cells: where they end, and last where they start.
+        hits: the first `hits` beams end at an obstacle, the others in open space.
+    """
+
+    cells: NDArray[np.float64]
+    hits: int
+
+
+class MapLayers(NamedTuple):
+    """A map, row by row: cell (v, u) is at index v * columns + u.
+
+    Attributes:
+        log_odds: shape (rows * columns,), int16 counts; 0 is unknown, more than 0 occupied.
+        field: its likelihood field, of the same shape.
+    """
+
+    log_odds: NDArray[np.int16]
+    field: NDArray[np.uint8]
+    columns: int
+
+
+class LogOddsRules(NamedTuple):
+    """How a cell changes, in counts of log-odds: what a hit adds, what a miss takes away, and the
+    limits of a cell."""
+
+    hit: int
+    miss: int
+    highest: int
+    lowest: int
+
+
+class CellLists(NamedTuple):
+    """Room for indices of cells, each of length `BeamExtent.max_touched` at least.
+
+    Attributes:
+        touched: those that the scan has written.
+        changed: those around which the likelihood field changes: they became occupied or ceased
+            to be, or ceased to be taken for a wall by `interpolate_gaps`.
+    """
+
+    touched: NDArray[np.int64]
+    changed: NDArray[np.int64]
+
+
+class ListLengths(NamedTuple):
+    """How many indices there are in each of `CellLists` so far."""
+
+    touched: int
+    changed: int
+
+
 @kernel
 def place_beams(
     beams: NDArray[np.float64],
-    pose: tuple[float, float, float],
-    frame: tuple[float, float, float],
+    pose: RobotPose,
+    frame: GridFrame,
     world: NDArray[np.float64],
     cells: NDArray[np.float64],
-    box: NDArray[np.int64],
-) -> int:
-    """Where a scan's beams end, and start, in the world and in the map.
+) -> BeamExtent:
+    """Where a scan's beams end, and start, in the world and in the grid.
 
     Args:
         beams: shape (n + 1, 2), metres in the robot's frame: ends, and last where they start.
-        pose: (x, y, theta) of the robot.
-        frame: (x, y of the corner of cell 0, 0; metres a cell).
         world, cells: filled with the same points, metres and (u, v) in cells.
-        box: filled with (lowest u, v, highest u, v) of cells.
-
-    Returns:
-        How many cells the beams touch at most.
     """
-    x, y, theta = pose
-    base_x, base_y, cell = frame
-    c, s = cos(theta), sin(theta)
-    box[0] = box[1] = FAR
-    box[2] = box[3] = -FAR
+    c, s = cos(pose.theta), sin(pose.theta)
+    low_u = low_v = FAR
+    high_u = high_v = -FAR
     for k in range(len(beams)):
-        world[k, 0] = c * beams[k, 0] - s * beams[k, 1] + x
-        world[k, 1] = s * beams[k, 0] + c * beams[k, 1] + y
-        cells[k, 0] = (world[k, 0] - base_x) / cell
-        cells[k, 1] = (world[k, 1] - base_y) / cell
+        world[k, 0] = c * beams[k, 0] - s * beams[k, 1] + pose.x
+        world[k, 1] = s * beams[k, 0] + c * beams[k, 1] + pose.y
+        cells[k, 0] = (world[k, 0] - frame.x) / frame.cell
+        cells[k, 1] = (world[k, 1] - frame.y) / frame.cell
         u, v = floor(cells[k, 0]), floor(cells[k, 1])
-        box[0], box[1] = min(box[0], u), min(box[1], v)
-        box[2], box[3] = max(box[2], u), max(box[3], v)
+        low_u, low_v = min(low_u, u), min(low_v, v)
+        high_u, high_v = max(high_u, u), max(high_v, v)
     n = len(beams) - 1
     u, v = floor(cells[n, 0]), floor(cells[n, 1])
     touched = n
     for k in range(n):
         touched += abs(floor(cells[k, 0]) - u) + abs(floor(cells[k, 1]) - v)
-    return touched
+    return BeamExtent(CellBox(low_u, low_v, high_u, high_v), touched)
 
 
 @kernel
-def integrate_beams(
-    log_odds: NDArray[np.int16],
-    field: NDArray[np.uint8],
-    columns: int,
-    beams: NDArray[np.float64],
-    hits: int,
-    rules: tuple[int, int, int, int],
-    touched: NDArray[np.int64],
-    changed: NDArray[np.int64],
-) -> int:
+def integrate_beams(grid: MapLayers, beams: Beams, rules: LogOddsRules, lists: CellLists) -> int:
     """Write one scan into the map: what its beams hit, then what they passed through.
 
     A cell is written at most once a scan, and being hit goes before being passed, so that beams
     that graze a wall do not wear it away.
 
     Args:
-        log_odds: the map, flattened, changed in place; 0 is unknown, more than 0 occupied.
-        field: its likelihood field as it is before, flattened; columns: of both.
-        beams: shape (n + 1, 2), (u, v) in cells: where they end, and last where they start.
-        hits: the first `hits` beams end at an obstacle, the others in the open.
-        rules: (hit, miss, highest, lowest): what a hit adds, what a pass takes, the limits.
-        touched: room for all cells that the beams may touch.
-        changed: as much room; filled with the cells (row times columns plus column) that became
-            occupied or ceased to be, or to be taken for wall by `interpolate_gaps`.
+        grid: the log-odds are changed in place, the field is as it is before.
+        lists: filled.
 
     Returns:
-        How many there are in `changed`.
+        How many cells there are in `lists.changed`.
     """
-    counts = hit_cells(log_odds, columns, beams, hits, rules, touched, changed)
-    for beam in range(len(beams) - 1):
-        counts = pass_cells(log_odds, field, columns, beams, beam, rules, touched, changed, counts)
-    for k in range(counts[0]):
-        log_odds[touched[k]] -= SEEN
-    return counts[1]
+    lengths = hit_cells(grid, beams, rules, lists)
+    for beam in range(len(beams.cells) - 1):
+        lengths = pass_cells(grid, beams, beam, rules, lists, lengths)
+    for k in range(lengths.touched):
+        grid.log_odds[lists.touched[k]] -= SEEN
+    return lengths.changed
 
 
 @kernel
-def hit_cells(
-    log_odds: NDArray[np.int16],
-    columns: int,
-    beams: NDArray[np.float64],
-    hits: int,
-    rules: tuple[int, int, int, int],
-    touched: NDArray[np.int64],
-    changed: NDArray[np.int64],
-) -> tuple[int, int]:
-    """Write what a scan's beams hit, see `integrate_beams`; how many cells are in `touched` and
-    in `changed`."""
-    hit, _, highest, _ = rules
+def hit_cells(grid: MapLayers, beams: Beams, rules: LogOddsRules, lists: CellLists) -> ListLengths:
+    """Write the cells in which a scan's beams hit something; how long the lists are then."""
+    log_odds, touched, changed = grid.log_odds, lists.touched, lists.changed
     n_touched, n_changed = 0, 0
-    for beam in range(hits):
-        at = floor(beams[beam, 1]) * columns + floor(beams[beam, 0])
+    for beam in range(beams.hits):
+        at = floor(beams.cells[beam, 1]) * grid.columns + floor(beams.cells[beam, 0])
         old = log_odds[at]
         if old >= IS_SEEN:
             continue
-        new = min(highest, old + hit)
+        new = min(rules.highest, old + rules.hit)
         if new == 0:
             new = 1  # known, so never again the sign of unknown
         if old <= 0 and new > 0:
@@ -130,26 +193,24 @@ def hit_cells(
         log_odds[at] = new + SEEN
         touched[n_touched] = at
         n_touched += 1
-    return n_touched, n_changed
+    return ListLengths(n_touched, n_changed)
 
 
 @kernel
 def pass_cells(
-    log_odds: NDArray[np.int16],
-    field: NDArray[np.uint8],
-    columns: int,
-    beams: NDArray[np.float64],
+    grid: MapLayers,
+    beams: Beams,
     beam: int,
-    rules: tuple[int, int, int, int],
-    touched: NDArray[np.int64],
-    changed: NDArray[np.int64],
-    counts: tuple[int, int],
-) -> tuple[int, int]:
-    """Write what one beam passed through, see `integrate_beams`; the counts after it."""
-    _, miss, _, lowest = rules
-    n_touched, n_changed = counts
-    n = len(beams) - 1
-    start_u, start_v, end_u, end_v = beams[n, 0], beams[n, 1], beams[beam, 0], beams[beam, 1]
+    rules: LogOddsRules,
+    lists: CellLists,
+    lengths: ListLengths,
+) -> ListLengths:
+    """Write the cells through which one beam passed; how long the lists are then."""
+    log_odds, field, columns = grid.log_odds, grid.field, grid.columns
+    touched, changed = lists.touched, lists.changed
+    n_touched, n_changed = lengths.touched, lengths.changed
+    miss, lowest, ends, n = rules.miss, rules.lowest, beams.cells, len(beams.cells) - 1
+    start_u, start_v, end_u, end_v = ends[n, 0], ends[n, 1], ends[beam, 0], ends[beam, 1]
     u, v = floor(start_u), floor(start_v)
     at = v * columns + u
     du, dv = end_u - start_u, end_v - start_v
@@ -173,7 +234,7 @@ def pass_cells(
         is_u = ahead < 0
         at += step_u if is_u else step_v
         ahead += across_u if is_u else -across_v
-    return n_touched, n_changed
+    return ListLengths(n_touched, n_changed)
 
 
 @kernel

@@ -17,7 +17,13 @@ from mapcli.algorithms.slam._kernels.likelihood_field import (
     recompute_field,
     update_likelihood_field,
 )
-from mapcli.algorithms.slam._kernels.ray_tracing import integrate_beams
+from mapcli.algorithms.slam._kernels.ray_tracing import (
+    Beams,
+    CellLists,
+    LogOddsRules,
+    MapLayers,
+    integrate_beams,
+)
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
 from mapcli.algorithms.slam.occupancy_grid import MapParameters
 
@@ -25,8 +31,7 @@ Cells = set[tuple[int, int]]
 
 SEEDS = st.integers(0, 2**32 - 1)
 FEW = settings(deadline=None, max_examples=25)
-RULES = (85, 25, 1000, -500)
-"""hit, miss, highest, lowest"""
+RULES = LogOddsRules(hit=85, miss=25, highest=1000, lowest=-500)
 
 # --- the likelihood field and its bounds
 
@@ -145,7 +150,7 @@ def test_a_single_wall_by_hand() -> None:
     assert np.count_nonzero(pyramid[3]) == 18 * 18
 
 
-def test_a_wider_bump() -> None:
+def test_a_wider_gaussian() -> None:
     gaussian = MapParameters(resolution=0.02, blur=0.05).gaussian_kernel()
     rng = np.random.default_rng(1)
     log_odds = np.zeros((90, 90), np.int16)
@@ -158,7 +163,7 @@ def test_a_wider_bump() -> None:
 
 @FEW
 @given(SEEDS)
-def test_renewing_around_a_cell_as_its_twin(seed: int) -> None:
+def test_recomputing_around_a_cell_as_its_twin(seed: int) -> None:
     rng = np.random.default_rng(seed)
     log_odds = random_walls(rng, 80, 0.1)
     field = rng.integers(0, 256, log_odds.shape).astype(np.uint8)
@@ -169,7 +174,7 @@ def test_renewing_around_a_cell_as_its_twin(seed: int) -> None:
     assert np.array_equal(field, expected)
 
 
-# --- walls between beams
+# --- gaps between beams
 
 
 def interpolated(ends: list[tuple[float, float]], log_odds: NDArray[np.int16]) -> Cells:
@@ -208,7 +213,7 @@ def slow_interpolated(ends: list[tuple[float, float]], log_odds: NDArray[np.int1
 UNKNOWN = np.zeros((80, 80), np.int16)
 
 
-def test_a_far_wall_is_bridged() -> None:
+def test_the_gaps_of_a_far_wall_are_interpolated() -> None:
     row = [(30.5, 40.5), (34.5, 40.5), (38.5, 40.5)]
     between = {(40, u) for u in (31, 32, 33, 35, 36, 37)}
     assert between <= interpolated(row, UNKNOWN) <= between | {(40, 30), (40, 34), (40, 38)}
@@ -224,11 +229,11 @@ def test_a_far_wall_is_bridged() -> None:
         [(30.5, 40.5), (31.5, 40.5), (32.5, 40.5)],  # nothing in between
     ],
 )
-def test_what_is_not_bridged(ends: list[tuple[float, float]]) -> None:
+def test_which_gaps_are_not_interpolated(ends: list[tuple[float, float]]) -> None:
     assert interpolated(ends, UNKNOWN) == set()
 
 
-def test_known_cells_are_not_taken_for_wall() -> None:
+def test_known_cells_are_not_interpolated() -> None:
     log_odds = UNKNOWN.copy()
     log_odds[40, 32] = -25
     log_odds[40, 36] = 85
@@ -238,7 +243,7 @@ def test_known_cells_are_not_taken_for_wall() -> None:
 
 @FEW
 @given(SEEDS)
-def test_bridges_as_their_twin(seed: int) -> None:
+def test_interpolated_gaps_as_their_twin(seed: int) -> None:
     rng = np.random.default_rng(seed)
     steps = rng.uniform(0.5, 9) * np.ones(12)
     heading = rng.uniform(0, 7) + np.cumsum(rng.choice([0.0, 0.1, 0.5], 12))
@@ -248,15 +253,15 @@ def test_bridges_as_their_twin(seed: int) -> None:
     assert interpolated(ends, log_odds) == slow_interpolated(ends, log_odds)
 
 
-def test_a_beam_through_a_bridge_undoes_it() -> None:
+def test_a_beam_through_an_interpolated_gap_undoes_it() -> None:
     pyramid = np.zeros((len(LEVEL_WIDTHS), 80, 80), np.uint8)
     row = np.array([(30.5, 40.5), (34.5, 40.5), (38.5, 40.5)])
     interpolate_gaps(pyramid, LEVEL_WIDTHS, UNKNOWN, row, GAUSSIAN)
     log_odds, beam = UNKNOWN.copy(), np.array([(32.5, 50.5), (32.5, 35.5)])
-    touched, changed = np.empty(20, np.int64), np.empty(20, np.int64)
-    count = integrate_beams(
-        log_odds.reshape(-1), pyramid[0].reshape(-1), 80, beam, 0, RULES, touched, changed
-    )
-    assert changed[:count].tolist() == [40 * 80 + 32]
-    update_likelihood_field(pyramid, LEVEL_WIDTHS, log_odds, changed[:count], GAUSSIAN)
+    lists = CellLists(np.empty(20, np.int64), np.empty(20, np.int64))
+    grid = MapLayers(log_odds.reshape(-1), pyramid[0].reshape(-1), 80)
+    count = integrate_beams(grid, Beams(beam, 0), RULES, lists)
+    changed = lists.changed[:count]
+    assert changed.tolist() == [40 * 80 + 32]
+    update_likelihood_field(pyramid, LEVEL_WIDTHS, log_odds, changed, GAUSSIAN)
     assert pyramid[0, 40, 32] == 0

@@ -13,14 +13,22 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mapcli.algorithms.slam._kernels.likelihood_field import MAX_LIKELIHOOD
-from mapcli.algorithms.slam._kernels.ray_tracing import integrate_beams, place_beams
+from mapcli.algorithms.slam._kernels.ray_tracing import (
+    Beams,
+    CellLists,
+    GridFrame,
+    LogOddsRules,
+    MapLayers,
+    RobotPose,
+    integrate_beams,
+    place_beams,
+)
 
 Cells = set[tuple[int, int]]
 
 SEEDS = st.integers(0, 2**32 - 1)
 FEW = settings(deadline=None, max_examples=25)
-RULES = (85, 25, 1000, -500)
-"""hit, miss, highest, lowest"""
+RULES = LogOddsRules(hit=85, miss=25, highest=1000, lowest=-500)
 
 # --- beams
 
@@ -43,19 +51,18 @@ def slow_integrate(
     laser: NDArray[np.float64],
     ends: NDArray[np.float64],
     hits: int,
-    rules: tuple[int, int, int, int],
+    rules: LogOddsRules,
     field: NDArray[np.uint8] | None = None,
 ) -> tuple[NDArray[np.int16], Cells]:
     """The map after a scan, and the cells that became occupied or ceased to be, or to be taken
     for wall."""
-    hit, miss, highest, lowest = rules
     after = log_odds.copy()
     were_hit = {(floor(v), floor(u)) for u, v in ends[:hits]}
     were_passed = {cell for end in ends for cell in crossed(laser, end)} - were_hit
     for cell in were_hit:
-        after[cell] = min(highest, int(log_odds[cell]) + hit) or 1
+        after[cell] = min(rules.highest, int(log_odds[cell]) + rules.hit) or 1
     for cell in were_passed:
-        after[cell] = max(lowest, int(log_odds[cell]) - miss) or -1
+        after[cell] = max(rules.lowest, int(log_odds[cell]) - rules.miss) or -1
     changed = (after > 0) != (log_odds > 0)
     if field is not None:
         changed |= (field == MAX_LIKELIHOOD) & (log_odds == 0) & (after < 0)
@@ -67,18 +74,17 @@ def fast_integrate(
     laser: NDArray[np.float64],
     ends: NDArray[np.float64],
     hits: int,
-    rules: tuple[int, int, int, int] = RULES,
+    rules: LogOddsRules = RULES,
     field: NDArray[np.uint8] | None = None,
 ) -> tuple[NDArray[np.int16], list[tuple[int, int]]]:
     after, columns = log_odds.copy(), log_odds.shape[1]
     field = np.zeros(log_odds.shape, np.uint8) if field is None else field
     room = int(np.abs(ends - laser).sum()) + 4 * len(ends)
-    touched, changed = np.full(room, -1), np.full(room, -1)
-    both = np.concatenate([ends, laser[None]])
-    count = integrate_beams(
-        after.reshape(-1), field.reshape(-1), columns, both, hits, rules, touched, changed
-    )
-    return after, [divmod(cell, columns) for cell in changed[:count].tolist()]
+    lists = CellLists(touched=np.full(room, -1), changed=np.full(room, -1))
+    grid = MapLayers(after.reshape(-1), field.reshape(-1), columns)
+    beams = Beams(np.concatenate([ends, laser[None]]), hits)
+    count = integrate_beams(grid, beams, rules, lists)
+    return after, [divmod(cell, columns) for cell in lists.changed[:count].tolist()]
 
 
 def beams(*ends: tuple[float, float]) -> NDArray[np.float64]:
@@ -110,7 +116,7 @@ def test_integrate_as_its_twin(seed: int, n: int, size: int) -> None:
 def test_integrate_with_any_rules(seed: int) -> None:
     rng = np.random.default_rng(seed)
     hit, miss, highest, low = (int(x) for x in rng.integers(1, (200, 200, 2000, 2000)))
-    rules = hit, miss, highest, -low
+    rules = LogOddsRules(hit, miss, highest, -low)
     log_odds = rng.integers(-low, highest + 1, (20, 20)).astype(np.int16)
     laser, ends = rng.uniform(0, 20, 2), rng.uniform(0, 20, (12, 2))
     expected, changes = slow_integrate(log_odds, laser, ends, 7, rules)
@@ -229,24 +235,23 @@ def test_place_beams_as_its_twin(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)
     beams, (x, y, theta) = rng.normal(0, 5, (n + 1, 2)), rng.normal(0, 20, 3).tolist()
     base, cell = rng.normal(0, 9, 2), 0.05
-    world, cells, box = np.empty_like(beams), np.empty_like(beams), np.empty(4, np.int64)
-    frame = (*base.tolist(), cell)
-    touched = place_beams(beams, (x, y, theta), frame, world, cells, box)
+    world, cells = np.empty_like(beams), np.empty_like(beams)
+    frame = GridFrame(*base.tolist(), cell)
+    extent = place_beams(beams, RobotPose(x, y, theta), frame, world, cells)
     turn = np.array([[cos(theta), -sin(theta)], [sin(theta), cos(theta)]])
     assert world == pytest.approx(beams @ turn.T + (x, y))
     assert cells == pytest.approx((world - base) / cell)
     whole = np.floor(cells)
-    assert box.tolist() == [*whole.min(axis=0), *whole.max(axis=0)]
+    assert extent.box == (*whole.min(axis=0), *whole.max(axis=0))
     # Each beam touches the cell it ends in and those that it leaves on the way there.
-    assert touched == n + np.abs(whole[:-1] - whole[-1]).sum()
+    assert extent.max_touched == n + np.abs(whole[:-1] - whole[-1]).sum()
 
 
 def test_place_beams_by_hand() -> None:
     # The robot at (1, 2) looks up; the beam ends two metres ahead; the laser is half a metre ahead.
     beams, world, cells = np.array([[2.0, 0.0], [0.5, 0.0]]), np.empty((2, 2)), np.empty((2, 2))
-    box = np.empty(4, np.int64)
-    touched = place_beams(beams, (1.0, 2.0, pi / 2), (0.75, 0.0, 0.5), world, cells, box)
+    frame = GridFrame(0.75, 0.0, 0.5)
+    extent = place_beams(beams, RobotPose(1.0, 2.0, pi / 2), frame, world, cells)
     assert world == pytest.approx(np.array([[1, 4], [1, 2.5]]))
     assert cells == pytest.approx(np.array([[0.5, 8], [0.5, 5]]))
-    assert box.tolist() == [0, 5, 0, 8]
-    assert touched == 4
+    assert extent == ((0, 5, 0, 8), 4)
