@@ -89,7 +89,7 @@ def cli() -> None:
 
 
 def main(args: Sequence[str] | None = None) -> None:
-    """Run the command line and leave with an exit code of `interface.md`.
+    """Run the command line and leave with an exit code.
 
     0 done, 1 data or machine failed, 2 wrong usage, 3 quality limit not met, 130 interrupted.
     """

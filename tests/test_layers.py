@@ -1,4 +1,4 @@
-"""Imports point down only, and start-up stays light (architecture.md)."""
+"""Imports point down only, and start-up stays light: the rules of `docs/architecture.md`."""
 
 from __future__ import annotations
 
@@ -99,6 +99,15 @@ def test_a_room_imports_from_the_rooms_below_it_only(module: str) -> None:
 def test_kernels_are_used_by_their_own_room_only(module: str) -> None:
     kernels = [name for name in imports_of(BELOW[module]) if "._kernels" in name]
     assert all(room_of(name) == room_of(module) for name in kernels)
+
+
+@pytest.mark.parametrize(("reader", "others"), [("carmen", "ros mcap"), ("ros", "carmen mcap")])
+def test_a_reader_of_logs_imports_no_other(reader: str, others: str) -> None:
+    logs = "mapcli.formats.logs."
+    own = [file for name, file in MODULES.items() if name.startswith(logs + reader)]
+    imported = {name.removeprefix(logs) for file in own for name in imports_of(file)}
+    assert own
+    assert not [name for name in imported if name.startswith(tuple(others.split()))]
 
 
 def test_the_rules_have_no_circle() -> None:

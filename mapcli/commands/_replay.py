@@ -40,16 +40,9 @@ def replay_log(
         raise DataError("no scan in the part asked for", file=log.name)
     with progress_of_steps("closing loops", slam.submap_count, quiet=quiet) as report:
         run.finalise(report)
-    damage = dict(log.damage.counts)
-    replayed = run.result(damage, [what for what in damage if _costs_scans(log, what)])
+    replayed = run.result(log.damage)
     summary = replace(replayed.summary, seconds=time.perf_counter() - started)
     return replace(replayed, summary=summary), run
-
-
-def _costs_scans(log: Log, what: str) -> bool:
-    """Whether a kind of damage means that a scan could not be used."""
-    topic = log.scan_topic
-    return what.startswith(("scans ", f"messages on {topic} ", f"lines without a valid {topic} "))
 
 
 def effective_parameters(

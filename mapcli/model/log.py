@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import Literal
 
 from mapcli.model.counting import counted
@@ -52,6 +53,13 @@ class LogOptions:
     strict: bool = False
 
 
+class Loss(Enum):
+    """What a piece of damage cost."""
+
+    SCAN = "a scan that cannot be used"
+    OTHER = "anything else"
+
+
 @dataclass
 class Damage:
     """Counts what was wrong with a log while it is read (mutable; one per reading).
@@ -62,19 +70,29 @@ class Damage:
 
     counts: dict[str, int] = field(default_factory=dict)
     first: dict[str, str] = field(default_factory=dict)
+    losses: dict[str, Loss] = field(default_factory=dict)
 
     def add(
-        self, what: str, times: int = 1, *, file: str | None = None, where: str | None = None
-    ) -> None:
+        self, what: str, times: int = 1, *, loss: Loss = Loss.OTHER,
+        file: str | None = None, where: str | None = None,
+    ) -> None:  # fmt: skip
         """Count `what`; `where` in `file` is remembered for the first of a kind."""
         if times:
             self.counts[what] = self.counts.get(what, 0) + times
+            self.losses[what] = loss
             if where is not None:
                 self.first.setdefault(what, where)
 
     def clear(self) -> None:
         self.counts.clear()
         self.first.clear()
+        self.losses.clear()
+
+    def unusable_scans(self) -> dict[str, int]:
+        """What cost scans -> how many."""
+        return {
+            what: times for what, times in self.counts.items() if self.losses[what] is Loss.SCAN
+        }
 
     def lines(self) -> list[str]:
         """What was wrong, one sentence per kind: "3 lines without a valid message (line 17)"."""

@@ -14,6 +14,19 @@ def wrap_angle(angle: float) -> float:
     return (angle + math.pi) % math.tau - math.pi
 
 
+def rounded_angle(angle: float) -> float:
+    """The angle in (-pi, pi), rounded to 1e-9 rad so that it survives a trip through a quaternion.
+
+    Every log reader passes its headings through here; that is why a CARMEN log and its import to
+    MCAP give the same poses to the last bit. Rounding may lead out of the circle at pi, hence the
+    second turn.
+    """
+    rounded = round(angle, 9) + 0.0  # no -0.0
+    if -3.1415926 < rounded < 3.1415926:
+        return rounded
+    return round(wrap_angle(round(wrap_angle(angle), 9)), 9)
+
+
 @dataclass(frozen=True, slots=True)
 class Pose2D:
     """A pose `x, y, theta`, or the rigid motion that takes a child frame into its parent.

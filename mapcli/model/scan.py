@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from mapcli.model.pose import Pose2D
 
+NANOSECONDS = 1_000_000_000
+"""In a second."""
+
 
 @dataclass(frozen=True, slots=True)
 class Mount:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from types import MappingProxyType
 
 from mapcli.algorithms.slam.back_end import BackEndResult
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
+from mapcli.model.log import Damage
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan, Record
 from mapcli.model.summary import ReplaySummary
@@ -39,6 +39,7 @@ def replay(
     *,
     start: Pose2D | None = None,
     known: GridMap | None = None,
+    damage: Damage | None = None,
 ) -> Replayed:
     """Turn the records of a log into a map and the robot's trajectory (Algorithm 9.2).
 
@@ -48,6 +49,7 @@ def replay(
         start: pose of the robot in the map at the first scan. By default the map's origin; in a
             known map it is searched for.
         known: a map to go on from instead of an empty one.
+        damage: `damage` of the log that the records are from, for the summary.
 
     Raises:
         DataError: no scan among the records, a known map that cannot be gone on from, or a robot
@@ -60,7 +62,7 @@ def replay(
     for _ in run.track(records):
         pass
     run.finalise()
-    return run.result()
+    return run.result(damage)
 
 
 class ReplayRun:
@@ -102,27 +104,27 @@ class ReplayRun:
         """Close loops and refine all poses; see `Slam.finalise`."""
         self.finalised = self.slam.finalise(progress)
 
-    def result(
-        self, damage: Mapping[str, int] = MappingProxyType({}), unread: Sequence[str] = ()
-    ) -> Replayed:
+    def result(self, damage: Damage | None = None) -> Replayed:
         """Map, trace and summary.
 
         Args:
-            damage: what was wrong with the log -> how often.
-            unread: which of these kinds cost scans.
+            damage: what was wrong with the log, as far as it was read.
 
         Raises:
             DataError: there was no scan.
         """
         if not self.poses:
             raise DataError("no scan in the part asked for")
-        skipped = {what: damage[what] for what in unread}
+        damage = damage or Damage()
+        skipped = damage.unusable_scans()
         if self._scans_read > len(self.poses):
             missed = self._scans_read - len(self.poses)
             skipped["scans not reached before the interruption"] = missed
         trace = self.trace()
         grid = self.slam.map if self.finalised is None else self.finalised.grid
-        return Replayed(grid.to_grid_map(), trace, self._summary(trace, damage, skipped))
+        return Replayed(
+            grid.to_grid_map(), trace, self._summary(trace, dict(damage.counts), skipped)
+        )
 
     def trace(self) -> PoseTrace:
         """The poses until now, and the loops closed."""

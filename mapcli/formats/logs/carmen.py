@@ -25,9 +25,8 @@ from mapcli.formats.logs.blocks import read_lines
 from mapcli.formats.logs.carmen_lines import PARSERS, LaserMessage, message_name
 from mapcli.formats.logs.log import Log, Source, describe_mount
 from mapcli.formats.logs.ranges import rep117, single
-from mapcli.formats.logs.ros.messages import settled_angle
-from mapcli.model.log import Damage, LogOptions, Topic
-from mapcli.model.pose import Pose2D, wrap_angle
+from mapcli.model.log import Damage, LogOptions, Loss, Topic
+from mapcli.model.pose import Pose2D, rounded_angle, wrap_angle
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record
 
 SICK_NO_RETURN_M = 80.0
@@ -81,7 +80,7 @@ class _Survey:
                 return None
         # The log's six decimals carry no more than this.
         x, y, theta = (round(value, 4) + 0.0 for value in (first.x, first.y, first.theta))
-        return Mount(Pose2D(x, y, settled_angle(theta)))
+        return Mount(Pose2D(x, y, rounded_angle(theta)))
 
 
 class CarmenLog(Log):
@@ -177,7 +176,8 @@ class CarmenLog(Log):
                     yield self._scan(message, mount, limit)
                 else:
                     where = f"line {number}"
-                    self.damage.add("scans without beams, skipped", file=source.name, where=where)
+                    what = "scans without beams, skipped"
+                    self.damage.add(what, loss=Loss.SCAN, file=source.name, where=where)
 
     def _scan(self, message: LaserMessage, mount: Mount, limit: float) -> RangeScan:
         limit = single(_no_return(message.max_range, limit))
@@ -202,7 +202,8 @@ class CarmenLog(Log):
                     yield number, message
                 else:
                     what = f"lines without a valid {name} message"
-                    self.damage.add(what, file=source.name, where=f"line {number}")
+                    loss = Loss.SCAN if name == self.scan_topic else Loss.OTHER
+                    self.damage.add(what, loss=loss, file=source.name, where=f"line {number}")
 
     def _parse(self, name: str, line: bytes) -> LaserMessage | Odometry | None:
         """The message on a line; None where it is malformed."""

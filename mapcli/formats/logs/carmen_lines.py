@@ -22,9 +22,8 @@ from decimal import Decimal
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.formats.logs.ros.messages import NANOSECONDS, settled_angle
-from mapcli.model.pose import Pose2D
-from mapcli.model.scan import Odometry
+from mapcli.model.pose import Pose2D, rounded_angle
+from mapcli.model.scan import NANOSECONDS, Odometry
 
 LATEST_STAMP_S = 2**31
 """Beyond it a stamp is no time of a robot, nor fits into a ROS 2 message."""
@@ -161,7 +160,7 @@ def _floats(words: list[bytes]) -> NDArray[np.float32]:
 def _pose(words: list[bytes]) -> Pose2D:
     x, y, theta = map(float, words)
     _expect(math.isfinite(x + y + theta))
-    return Pose2D(x, y, settled_angle(theta))
+    return Pose2D(x, y, rounded_angle(theta))
 
 
 def _stamp(words: list[bytes], log_time: bool) -> int:

@@ -13,10 +13,10 @@ from operator import attrgetter
 from pathlib import Path
 
 from mapcli.errors import DataError, FormatError
-from mapcli.formats.logs.ros.messages import settled_angle
 from mapcli.formats.logs.topics import choose_odom_topic, choose_scan_topic
 from mapcli.model.counting import counted
-from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, Topic
+from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, Loss, Topic
+from mapcli.model.pose import rounded_angle
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record
 
 REORDER_RECORDS = 2000
@@ -42,8 +42,9 @@ class StrictDamage(Damage):
     """Refuses the first damage instead of counting it (`--strict`)."""
 
     def add(
-        self, what: str, times: int = 1, *, file: str | None = None, where: str | None = None
-    ) -> None:
+        self, what: str, times: int = 1, *, loss: Loss = Loss.OTHER,
+        file: str | None = None, where: str | None = None,
+    ) -> None:  # fmt: skip
         if times:
             raise FormatError(
                 counted(times, what), file=file, where=where, expected="an undamaged log (--strict)"
@@ -74,7 +75,7 @@ class Log(ABC):
         self.beams = BeamCounts()
         self.disordered = 0
         self.delays: dict[str, Delay] = {}
-        self.laser_pose = options.laser_pose and settled_mount(options.laser_pose)
+        self.laser_pose = options.laser_pose and rounded_mount(options.laser_pose)
 
     @abstractmethod
     def topics(self) -> list[Topic]:
@@ -188,7 +189,8 @@ class Log(ABC):
             if stamp < given:
                 what = f"{_plural(record)} with a stamp that jumps back, dropped"
                 where = f"at {stamp * 1e-9:.3f} s"
-                self.damage.add(what, file=self.sources[0].name, where=where)
+                loss = Loss.SCAN if isinstance(record, RangeScan) else Loss.OTHER
+                self.damage.add(what, loss=loss, file=self.sources[0].name, where=where)
                 continue
             waiting.add(record)
             if len(waiting) > REORDER_RECORDS:
@@ -211,9 +213,9 @@ class _InOrder(deque[Record]):
 _stamp_ns = attrgetter("stamp_ns")
 
 
-def settled_mount(mount: Mount) -> Mount:
-    """The mount with its yaw rounded as all angles of logs are (`settled_angle`)."""
-    return Mount(replace(mount.pose, theta=settled_angle(mount.pose.theta)), mount.flipped)
+def rounded_mount(mount: Mount) -> Mount:
+    """The mount with its yaw rounded as all angles of logs are (`rounded_angle`)."""
+    return Mount(replace(mount.pose, theta=rounded_angle(mount.pose.theta)), mount.flipped)
 
 
 def describe_mount(topic: str, mount: Mount) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.paths import FIXTURES
+from conftest import FIXTURES
 
 from mapcli.algorithms.evaluation.evaluate import evaluate
 from mapcli.algorithms.evaluation.relations import odometry_of

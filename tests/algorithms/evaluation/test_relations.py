@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from support.paths import SHARED
+from conftest import SHARED
 
 from mapcli.algorithms.evaluation.relations import evaluate_relations, poses_at
 from mapcli.errors import DataError

@@ -16,9 +16,8 @@ from mapcli.formats.logs import log as _log
 from mapcli.formats.logs.log import Log, Source, StrictDamage
 from mapcli.formats.logs.open_log import open_log
 from mapcli.formats.logs.ranges import rep117, sensible_limits
-from mapcli.formats.logs.ros.messages import settled_angle
-from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, Topic, select
-from mapcli.model.pose import Pose2D, wrap_angle
+from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, Loss, Topic, select
+from mapcli.model.pose import Pose2D, rounded_angle, wrap_angle
 from mapcli.model.scan import Odometry, RangeScan, Record
 
 S = 10**9
@@ -149,6 +148,19 @@ def test_damage_speaks_in_the_right_number() -> None:
     assert damage.lines() == []
 
 
+def test_what_damage_cost_is_said_where_it_is_found() -> None:
+    damage = Damage()
+    damage.add("scans without beams", 2, loss=Loss.SCAN)
+    damage.add("scans that only look lost", 5)
+    damage.add("messages on /scan without readable content", loss=Loss.SCAN)
+    assert damage.unusable_scans() == {
+        "scans without beams": 2,
+        "messages on /scan without readable content": 1,
+    }
+    damage.clear()
+    assert damage.unusable_scans() == {}
+
+
 def test_strict_damage_refuses_the_first() -> None:
     with pytest.raises(FormatError) as caught:
         StrictDamage().add("scans without beams", file="a.log", where="line 3")
@@ -204,12 +216,12 @@ def test_sensible_limits() -> None:
 
 @given(st.floats(-1e4, 1e4))
 def test_settled_angles_survive_a_quaternion(angle: float) -> None:
-    settled = settled_angle(angle)
+    settled = rounded_angle(angle)
     assert abs(wrap_angle(settled - angle)) < 1.1e-9
     assert -math.pi < settled < math.pi
     z, w = math.sin(settled / 2), math.cos(settled / 2)
-    assert settled_angle(math.atan2(2 * z * w, 1 - 2 * z * z)) == settled
-    assert settled_angle(settled) == settled
+    assert rounded_angle(math.atan2(2 * z * w, 1 - 2 * z * z)) == settled
+    assert rounded_angle(settled) == settled
 
 
 # Opening

@@ -16,10 +16,9 @@ from mapcli.formats.logs.mcap.container import McapFile
 from mapcli.formats.logs.ros import decode as decode
 from mapcli.formats.logs.ros.decode import LaserScan, Transform
 from mapcli.formats.logs.ros.laser_scan import range_scan
-from mapcli.formats.logs.ros.messages import NANOSECONDS
 from mapcli.formats.logs.ros.robot import Robot, TfOdometry, find_robot
-from mapcli.model.log import Damage, Delay, LogOptions, Role, Topic
-from mapcli.model.scan import Mount, Odometry, RangeScan, Record
+from mapcli.model.log import Damage, Delay, LogOptions, Loss, Role, Topic
+from mapcli.model.scan import NANOSECONDS, Mount, Odometry, RangeScan, Record
 
 ROLES: dict[str, Role] = {
     "LaserScan": "scan",
@@ -130,7 +129,7 @@ class McapLog(Log):
             except ValueError:
                 where = f"at {log_time / NANOSECONDS:.3f} s"
                 what = f"messages on {topic.name} without readable content"
-                damage.add(what, file=file.source.name, where=where)
+                damage.add(what, loss=_loss(topic), file=file.source.name, where=where)
 
     def _records(self) -> Iterator[Record]:
         for what, times in self._structure.counts.items():
@@ -168,7 +167,8 @@ class McapLog(Log):
             self.delays[topic.name].add(log_time_ns - stamp_ns)
             return stamp_ns
         what = f"messages on {topic.name} with an impossible stamp, dropped"
-        self.damage.add(what, file=self.sources[0].name, where=f"at {stamp_ns / NANOSECONDS:g} s")
+        where = f"at {stamp_ns / NANOSECONDS:g} s"
+        self.damage.add(what, loss=_loss(topic), file=self.sources[0].name, where=where)
         return None
 
     def _mount(self, robot: Robot, frame: str, topic: Topic) -> Mount:
@@ -194,6 +194,7 @@ class McapLog(Log):
             kind = "angles" if len(message.ranges) else "beams"
             self.damage.add(
                 f"scans without {kind}, skipped",
+                loss=Loss.SCAN,
                 file=self.sources[0].name,
                 where=f"at {stamp / NANOSECONDS:.3f} s",
             )
@@ -246,3 +247,8 @@ def _role_of_json(file: McapFile, number: int) -> Role:
             break
         return next((role for key, role in JSON_KEYS.items() if key in keys), "other")
     return "other"
+
+
+def _loss(topic: Topic) -> Loss:
+    """What a message that cannot be used costs; only chosen topics are read."""
+    return Loss.SCAN if topic.role == "scan" else Loss.OTHER

@@ -20,7 +20,7 @@ from mcap.writer import CompressionType, Writer
 
 from mapcli.errors import DataError
 from mapcli.formats.logs.ros import messages as ros
-from mapcli.model.scan import Mount, Odometry, RangeScan, Record, TruePose
+from mapcli.model.scan import NANOSECONDS, Mount, Odometry, RangeScan, Record, TruePose
 from mapcli.version import __version__
 
 LATCHED = """\
@@ -123,9 +123,9 @@ class McapLogWriter:
         Raises:
             DataError: the stamp does not fit into a ROS 2 time.
         """
-        if not 0 <= stamp_ns < MAX_SECONDS * ros.NANOSECONDS:
+        if not 0 <= stamp_ns < MAX_SECONDS * NANOSECONDS:
             raise DataError(
-                f"a record is stamped {stamp_ns / ros.NANOSECONDS:.3f} s",
+                f"a record is stamped {stamp_ns / NANOSECONDS:.3f} s",
                 expected="a ROS 2 time, between 1970 and 2038",
             )
         channel = self._channel(topic, type_name, latched)

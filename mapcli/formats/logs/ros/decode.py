@@ -18,10 +18,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.formats.logs.ros import messages as ros
-from mapcli.formats.logs.ros.messages import settled_angle
 from mapcli.formats.logs.ros.transforms import Rigid, rigid
-from mapcli.model.pose import Pose2D
+from mapcli.model.pose import Pose2D, rounded_angle
+from mapcli.model.scan import NANOSECONDS
 
 MAX_NAME_BYTES = 4096
 
@@ -225,7 +224,7 @@ def planar(position: Any, quaternion: Any) -> Pose2D:
     if not (square > 1e-6 and math.isfinite(square + position[0] + position[1])):
         raise ValueError("no pose")
     yaw = math.atan2(2 * (x * y + z * w) / square, 1 - 2 * (y * y + z * z) / square)
-    return Pose2D(float(position[0]), float(position[1]), settled_angle(yaw))
+    return Pose2D(float(position[0]), float(position[1]), rounded_angle(yaw))
 
 
 def _frame(name: str) -> str:
@@ -234,7 +233,7 @@ def _frame(name: str) -> str:
 
 
 def _stamp(seconds: Any, nanoseconds: Any) -> int:
-    return int(seconds) * ros.NANOSECONDS + int(nanoseconds)
+    return int(seconds) * NANOSECONDS + int(nanoseconds)
 
 
 def _object(data: Buffer) -> dict[str, Any]:

@@ -6,14 +6,13 @@ import math
 from functools import cache
 from typing import Any
 
-from mapcli.model.pose import Pose2D, wrap_angle
+from mapcli.model.pose import Pose2D
+from mapcli.model.scan import NANOSECONDS
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
-
-NANOSECONDS = 1_000_000_000
 
 
 @cache
@@ -61,16 +60,3 @@ def quaternion(yaw: float, *, flipped: bool = False) -> Any:
     cos, sin = math.cos(yaw / 2), math.sin(yaw / 2)
     x, y, z, w = (cos, sin, 0.0, 0.0) if flipped else (0.0, 0.0, sin, cos)
     return build("geometry_msgs/msg/Quaternion", x, y, z, w)
-
-
-def settled_angle(angle: float) -> float:
-    """The angle in (-pi, pi), rounded to 1e-9 rad so that it survives a trip through a quaternion.
-
-    Every log reader passes its headings through here; that is why a CARMEN log and its import to
-    MCAP give the same poses to the last bit. Rounding may lead out of the circle at pi, hence the
-    second turn.
-    """
-    settled = round(angle, 9) + 0.0  # no -0.0
-    if -3.1415926 < settled < 3.1415926:
-        return settled
-    return round(wrap_angle(round(wrap_angle(angle), 9)), 9)

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.formats.logs.ros.messages import settled_angle
-from mapcli.model.pose import Pose2D
+from mapcli.model.pose import Pose2D, rounded_angle
 from mapcli.model.scan import Mount
 
 MAX_TILT_DEG = 20.0
@@ -44,7 +43,7 @@ class Rigid:
         """The part of it in the plane: where it puts the child, and where its x axis points."""
         yaw = math.atan2(self.rotation[1, 0], self.rotation[0, 0])
         x, y = self.translation[:2]
-        return Pose2D(float(x), float(y), settled_angle(yaw))
+        return Pose2D(float(x), float(y), rounded_angle(yaw))
 
 
 IDENTITY = Rigid(np.eye(3), np.zeros(3))

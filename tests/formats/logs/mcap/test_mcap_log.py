@@ -23,9 +23,8 @@ from mapcli.formats.logs.mcap import container as mcap_file_module
 from mapcli.formats.logs.mcap.writer import McapLogWriter
 from mapcli.formats.logs.open_log import Log, open_log
 from mapcli.formats.logs.ros import messages as ros
-from mapcli.formats.logs.ros.messages import settled_angle
 from mapcli.model.log import Damage, LogOptions
-from mapcli.model.pose import Pose2D
+from mapcli.model.pose import Pose2D, rounded_angle
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record, TruePose
 
 BASE_LASER = transform(0, "base_link", "laser", (0.2, 0.1, 0.3))
@@ -71,7 +70,7 @@ def written(records: list[Record], **settings: Any) -> bytes:
 
 singles = st.floats(-1e3, 1e3, width=32)
 stamps = st.integers(0, 2**31 * S - 1)
-angles = st.floats(-10, 10).map(settled_angle)
+angles = st.floats(-10, 10).map(rounded_angle)
 poses = st.builds(Pose2D, st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), angles)
 mounts = st.builds(
     Mount,
@@ -355,7 +354,7 @@ def test_beam_counts_may_change(tmp_path: Path) -> None:
 def test_odometry_in_the_plane(tmp_path: Path) -> None:
     records, _ = read_messages(tmp_path, odom(1, 1.5, -2, math.pi), odom(2, 1, 1, -0.1), scan(3))
     assert poses_of(records) == [
-        (1.0, Pose2D(1.5, -2.0, settled_angle(math.pi))),
+        (1.0, Pose2D(1.5, -2.0, rounded_angle(math.pi))),
         (2.0, Pose2D(1.0, 1.0, -0.1)),
     ]
 
