@@ -9,7 +9,8 @@ from pathlib import Path
 import click
 
 from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
-from mapcli.commands._output import check_outputs, write_bytes, write_files
+from mapcli.commands._output import check_outputs
+from mapcli.formats.output import write_bytes, write_files
 from mapcli.model.exploration import Exploration, coverage_curve
 from mapcli.model.grid import GridMap
 

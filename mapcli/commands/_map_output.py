@@ -8,9 +8,9 @@ from typing import Any
 
 import click
 
-from mapcli.commands._output import output_file, write_files
 from mapcli.errors import DataError, OutputError
 from mapcli.formats.maps.dump import SUFFIXES, Pieces, SaveOptions, map_files
+from mapcli.formats.maps.save import save_map
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 
@@ -54,14 +54,8 @@ def write_map(
     Raises:
         OutputError: a file cannot be written, or is part of the input.
     """
-    files = map_files(grid, target, options)
-    _spare_inputs(inputs, files, Path(target))
-    if target == "-":
-        with output_file("-") as out:
-            out.writelines(files["-"])
-    else:
-        write_files(Path(target).parent, files, no_clobber=no_clobber)
-    return list(files)
+    _spare_inputs(inputs, map_files(grid, target, options), Path(target))
+    return save_map(grid, target, options, no_clobber=no_clobber)
 
 
 def _spare_inputs(inputs: Sequence[Path], files: dict[str, Pieces], target: Path) -> None:

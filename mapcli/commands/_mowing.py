@@ -11,8 +11,9 @@ import click
 
 from mapcli.algorithms.simulation.sensors import WheelModel
 from mapcli.commands._options import FILE, POSITIVE, Command
-from mapcli.commands._output import check_outputs, output_file, progress, write_bytes
+from mapcli.commands._output import check_outputs, progress
 from mapcli.errors import DataError
+from mapcli.formats.output import output_file, write_bytes
 from mapcli.model.world import World
 
 if TYPE_CHECKING:

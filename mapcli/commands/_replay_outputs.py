@@ -10,9 +10,11 @@ from typing import Any
 import click
 
 from mapcli.algorithms.slam.replay import Replayed
-from mapcli.commands._output import check_outputs, output_file, write_bytes, write_files
+from mapcli.commands._output import check_outputs
 from mapcli.formats.documents.trajectory import WRITERS, dump_trajectory
-from mapcli.formats.maps.dump import SUFFIXES, SaveOptions, dump_map
+from mapcli.formats.maps.dump import SUFFIXES, SaveOptions
+from mapcli.formats.maps.save import save_map
+from mapcli.formats.output import output_file, write_bytes
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
 from mapcli.model.summary import ReplaySummary
@@ -114,11 +116,7 @@ def write_outputs(
 
 
 def _write_map(name: str, grid: GridMap, no_clobber: bool) -> None:
-    files = dump_map(grid, name, SaveOptions(format="txt" if name == "-" else None))
-    if name == "-":
-        write_bytes("-", files["-"])
-    else:
-        write_files(Path(name).parent, files, no_clobber=no_clobber)
+    save_map(grid, name, SaveOptions(format="txt" if name == "-" else None), no_clobber=no_clobber)
 
 
 def _write_json(

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from mapcli.algorithms.scans.perception import PerceptionParameters
 from mapcli.algorithms.scans.scan_extraction import scan_perception
-from mapcli.commands._output import write_bytes
 from mapcli.errors import DataError
 from mapcli.formats.documents.perception_output import dump_perception
+from mapcli.formats.output import write_bytes
 from mapcli.model.scan import RangeScan
 from mapcli.model.trace import PoseTrace
 

@@ -16,8 +16,9 @@ from mapcli.commands._options import (
     common_options,
     no_clobber_option,
 )
-from mapcli.commands._output import check_outputs, write_bytes
+from mapcli.commands._output import check_outputs
 from mapcli.formats.maps.load import load_map
+from mapcli.formats.output import write_bytes
 from mapcli.model.comparison import LIMIT_FIELDS, STATES, Comparison
 from mapcli.model.summary import Limit
 

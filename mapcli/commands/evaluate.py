@@ -21,7 +21,8 @@ from mapcli.commands._options import (
     common_options,
     no_clobber_option,
 )
-from mapcli.commands._output import check_outputs, write_bytes
+from mapcli.commands._output import check_outputs
+from mapcli.formats.output import write_bytes
 from mapcli.model.evaluation import all_limit_fields, limit_fields
 from mapcli.model.summary import Limit
 

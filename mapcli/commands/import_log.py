@@ -9,8 +9,9 @@ import click
 
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._options import FILE, common_options, no_clobber_option
-from mapcli.commands._output import output_file, progress
+from mapcli.commands._output import progress
 from mapcli.errors import DataError, OutputError
+from mapcli.formats.output import output_file
 from mapcli.model.counting import counted
 from mapcli.model.scan import Odometry, RangeScan, Record
 

@@ -11,7 +11,7 @@ import click
 
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, POINT, common_options, no_clobber_option
-from mapcli.commands._output import write_bytes
+from mapcli.formats.output import write_bytes
 
 LOG_SUFFIXES = (".mcap", ".log", ".clf", ".gz", ".bag", ".db3")
 LOG_STARTS = (b"\x89MCAP", b"\x1f\x8b", b"#ROSBAG", b"SQLite format 3")

@@ -26,9 +26,10 @@ from mapcli.commands._options import (
     common_options,
     no_clobber_option,
 )
-from mapcli.commands._output import check_outputs, write_bytes
+from mapcli.commands._output import check_outputs
 from mapcli.errors import DataError
 from mapcli.formats.documents.perception_output import SUFFIXES, Writable, dump_perception
+from mapcli.formats.output import write_bytes
 from mapcli.model.grid import GridMap
 from mapcli.model.perception import (
     STEPS,

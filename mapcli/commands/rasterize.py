@@ -16,9 +16,10 @@ from mapcli.commands._options import (
     common_options,
     no_clobber_option,
 )
-from mapcli.commands._output import check_outputs, write_beside, write_bytes
+from mapcli.commands._output import check_outputs
 from mapcli.errors import DataError
 from mapcli.formats.maps.dump import SUFFIXES, SaveOptions, dump_map
+from mapcli.formats.output import write_beside, write_bytes
 from mapcli.model.grid import GridMap
 from mapcli.model.memory import Memory
 

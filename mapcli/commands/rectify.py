@@ -11,9 +11,10 @@ import click
 
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, POSITIVE, common_options, no_clobber_option
-from mapcli.commands._output import check_outputs, write_beside, write_bytes
+from mapcli.commands._output import check_outputs
 from mapcli.errors import DataError
 from mapcli.formats.maps.dump import SUFFIXES, SaveOptions, dump_map
+from mapcli.formats.output import write_beside, write_bytes
 from mapcli.model.counting import counted
 
 if TYPE_CHECKING:

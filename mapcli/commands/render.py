@@ -8,8 +8,8 @@ import click
 
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import CELL, FILE, common_options, no_clobber_option
-from mapcli.commands._output import write_bytes
 from mapcli.errors import DataError
+from mapcli.formats.output import write_bytes
 
 if TYPE_CHECKING:
     import numpy as np

@@ -22,7 +22,7 @@ from mapcli.commands._options import (
     common_options,
     no_clobber_option,
 )
-from mapcli.commands._output import check_outputs, write_bytes
+from mapcli.commands._output import check_outputs
 from mapcli.commands._similarity_inputs import (
     LandmarksOnMap,
     Loaded,
@@ -35,6 +35,7 @@ from mapcli.commands._similarity_outputs import Answer, window_answer, write_png
 from mapcli.commands._similarity_report import notes, report_lines
 from mapcli.errors import DataError
 from mapcli.formats.maps.dump import SUFFIXES
+from mapcli.formats.output import write_bytes
 from mapcli.model.similarity import SimilarityTable
 
 FORMATS = ("table", "json", "csv", "markdown")

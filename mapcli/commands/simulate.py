@@ -22,8 +22,9 @@ from mapcli.commands._options import (
     common_options,
     no_clobber_option,
 )
-from mapcli.commands._output import output_file, progress
+from mapcli.commands._output import progress
 from mapcli.errors import DataError
+from mapcli.formats.output import output_file
 from mapcli.model.scan import Mount
 
 LIMITS, WHEELS, LASER = MotionLimits(), WheelModel(), LaserModel()

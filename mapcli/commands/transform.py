@@ -17,10 +17,10 @@ from mapcli.commands._options import (
     common_options,
     no_clobber_option,
 )
-from mapcli.commands._output import check_output, write_bytes
 from mapcli.formats.maps.dialects import DIALECTS
 from mapcli.formats.maps.dump import FORMATS
 from mapcli.formats.maps.grey import MODES
+from mapcli.formats.output import check_output, write_bytes
 
 
 class InOrder(click.Command):

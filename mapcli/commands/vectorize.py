@@ -8,7 +8,8 @@ import click
 
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, POSITIVE, Number, common_options, no_clobber_option
-from mapcli.commands._output import check_outputs, write_bytes
+from mapcli.commands._output import check_outputs
+from mapcli.formats.output import write_bytes
 
 
 @click.command(short_help="Turn the obstacles of a grid map into polygons (Sect. 9.1).")

@@ -11,11 +11,12 @@ One step per line, as traces have tens of thousands of them:
  "frontier": [{"cell": [r, c], "unknown": a, "robot": k, "distance": d, "priority": p}, ...],
  "unreachable": [[r, c], ...], "summary": {...}}
 
-A robot (counted from 0) goes from the cell `from` to the cell `goal` over the cells of `path`, which
-leaves out the first and has the last, and there senses `sensed`: row, column, probability. A step
-also says its `kind` and `time` (see `model/exploration`) and, where there are any, the `unknowable` cells: sensed, and unknown all the same. Without a known map the first step of each robot is what
-it senses where it stands. `priority` is null at distance 0. With --plan there is `plan`: a list of
-{"robot", "goal", "path", "priority"}.
+A robot (counted from 0) goes from the cell `from` to the cell `goal` over the cells of `path`,
+which leaves out the first and has the last, and there senses `sensed`: row, column, probability.
+A step also says its `kind` and `time` (see `model/exploration`) and, where there are any, the
+`unknowable` cells: sensed, and unknown all the same. Without a known map the first step of each
+robot is what it senses where it stands. `priority` is null at distance 0. With --plan there is
+`plan`: a list of {"robot", "goal", "path", "priority"}.
 """
 
 from __future__ import annotations
