@@ -113,8 +113,9 @@ class OdometryFaults:
         self._counted: Pose2D | None = None
         # The last motion, as predicted and as the map has it.
         self._predicted_motion = self._found_motion = Pose2D()
-        self._stamp_ns, self._seconds, self._elapsed = 0, 0.0, 0.0
-        self._stands, self._known_share = True, 0.0
+        # Seconds from the scan before to this one, and of the step before.
+        self._stamp_ns, self._step_s, self._step_before_s = 0, 0.0, 0.0
+        self._is_at_standstill, self._known_share = True, 0.0
 
     def motion(self, stamp_ns: int, counted: Pose2D | None) -> Pose2D | None:
         """What the robot did since the last scan by the active hypothesis, in its frame then.
@@ -122,14 +123,14 @@ class OdometryFaults:
         Args:
             counted: what odometry says; None if nothing, which ends all hypotheses.
         """
-        self._elapsed, self._stamp_ns = (stamp_ns - self._stamp_ns) * 1e-9, stamp_ns
+        self._step_s, self._stamp_ns = (stamp_ns - self._stamp_ns) * 1e-9, stamp_ns
         self._counted = counted
         if counted is None:
-            self.active, self.alternatives, self._elapsed = "odometry", {}, 0.0
+            self.active, self.alternatives, self._step_s = "odometry", {}, 0.0
             return None
-        self._stands = abs(counted.x) <= STANDSTILL * self._elapsed
+        self._is_at_standstill = abs(counted.x) <= STANDSTILL * self._step_s
         # A robot that stands may start anew; wheels that count have not stopped counting.
-        if self.active == ("reversed" if self._stands else "keeps going"):
+        if self.active == ("reversed" if self._is_at_standstill else "keeps going"):
             self.active, self.alternatives = "odometry", {}
         return self._predict(self.active, counted, self._found_motion)
 
@@ -139,7 +140,7 @@ class OdometryFaults:
             return counted
         if hypothesis == "reversed":
             return Pose2D(-counted.x, -counted.y, counted.theta)
-        share = min(self._elapsed / self._seconds, 2.0) if self._seconds > 0 else 0.0
+        share = min(self._step_s / self._step_before_s, 2.0) if self._step_before_s > 0 else 0.0
         return Pose2D(share * last.x, share * last.y, share * last.theta)
 
     def select(
@@ -169,7 +170,7 @@ class OdometryFaults:
         if best.found:
             share = best.known_points / scan.size
             self._known_share += MEAN_WEIGHT * (share - self._known_share)
-        self._found_motion, self._seconds = before.between(best.pose), self._elapsed
+        self._found_motion, self._step_before_s = before.between(best.pose), self._step_s
         self.past_poses = ()
         selected = self._accept(matches, CHANCE_SHARE * history.running_score) or best
         self.faulty_scans += 0 if self.active == "odometry" else 1 + len(self.past_poses)
@@ -179,7 +180,7 @@ class OdometryFaults:
         """Move the alternatives on, and let those begin that are likelier to begin now."""
         for name in HYPOTHESES:
             other = self.alternatives.pop(name, None)
-            if name == self.active or (name == "keeps going" and not self._stands):
+            if name == self.active or (name == "keeps going" and not self._is_at_standstill):
                 continue
             ratio = self._inertia_ratio(name, counted, motion)
             if other is None or other.log_ratio < ratio or len(other.past_poses) == MOST_SCANS:
@@ -202,10 +203,10 @@ class OdometryFaults:
 
     def _inertia(self, motion: Pose2D) -> float:
         """How unlikely a motion is after the last one: its negative log-likelihood."""
-        seconds = (self._elapsed + self._seconds) / 2
-        if min(self._elapsed, self._seconds) < SHORTEST_STEP:
+        seconds = (self._step_s + self._step_before_s) / 2
+        if min(self._step_s, self._step_before_s) < SHORTEST_STEP:
             return 0.0
-        change = motion.x / self._elapsed - self._predicted_motion.x / self._seconds
+        change = motion.x / self._step_s - self._predicted_motion.x / self._step_before_s
         deviation = math.hypot(ACCELERATION * seconds, math.sqrt(2) * JITTER / seconds)
         return (change / deviation) ** 2 / 2
 
