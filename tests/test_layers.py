@@ -110,6 +110,15 @@ def test_a_reader_of_logs_imports_no_other(reader: str, others: str) -> None:
     assert not [name for name in imported if name.startswith(tuple(others.split()))]
 
 
+@pytest.mark.parametrize("module", [name for name in BELOW if room_of(name) != "commands"])
+def test_functions_outside_commands_have_seven_parameters_at_most(module: str) -> None:
+    for node in ast.walk(ast.parse(BELOW[module].read_text())):
+        if isinstance(node, ast.FunctionDef):
+            parameters = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+            own = [one for one in parameters if one.arg not in ("self", "cls")]
+            assert len(own) <= 7, node.name
+
+
 def test_the_rules_have_no_circle() -> None:
     for room, allowed in MAY_IMPORT.items():
         assert all(room not in MAY_IMPORT[other] for other in allowed - {room})

@@ -13,7 +13,7 @@ from mapcli.algorithms.simulation.sensors import WheelModel
 from mapcli.commands._options import FILE, POSITIVE, Command
 from mapcli.commands._output import check_outputs, progress
 from mapcli.errors import DataError
-from mapcli.formats.output import output_file, write_bytes
+from mapcli.formats.output import write_bytes
 from mapcli.model.world import World
 
 if TYPE_CHECKING:
@@ -111,12 +111,10 @@ def _write(
     no_clobber = given["no_clobber"]
     if out:
         from mapcli.algorithms.simulation.mowing import mower_log
-        from mapcli.formats.logs.mcap.writer import McapLogWriter
+        from mapcli.formats.logs.mcap.writer import save_log
 
         first = mowings[min(1, len(mowings) - 1)].runs[0]
-        with output_file(out, no_clobber=no_clobber) as file, McapLogWriter(file) as log:
-            for record in mower_log(plan, first, wheels.rate):
-                log.write(record)
+        save_log(mower_log(plan, first, wheels.rate), out, no_clobber=no_clobber)
     if given["png"]:
         from mapcli.pictures.mowing import mowing_picture
 

@@ -11,7 +11,6 @@ from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._options import FILE, common_options, no_clobber_option
 from mapcli.commands._output import progress
 from mapcli.errors import DataError, OutputError
-from mapcli.formats.output import output_file
 from mapcli.model.counting import counted
 from mapcli.model.scan import Odometry, RangeScan, Record
 
@@ -23,13 +22,20 @@ class Tally:
         self.counts: Counter[type[Record]] = Counter()
         self.first_ns = self.last_ns = 0
 
-    def passing(self, records: Iterable[Record]) -> Iterator[Record]:
+    def passing(self, records: Iterable[Record], log: str) -> Iterator[Record]:
+        """The records, counted.
+
+        Raises:
+            DataError: there was no scan.
+        """
         for record in records:
             if not self.counts:
                 self.first_ns = record.stamp_ns
             self.counts[type(record)] += 1
             self.last_ns = record.stamp_ns
             yield record
+        if not self.counts[RangeScan]:
+            raise DataError("no scan in the part asked for", file=log)
 
     def text(self) -> str:
         scans, odometry = self.counts[RangeScan], self.counts[Odometry]
@@ -65,19 +71,15 @@ def command(
       mapcli import intel.log.gz intel.mcap
       mapcli import --start 10 --end 60 robot.mcap part.mcap
     """
-    from mapcli.formats.logs.mcap.writer import McapLogWriter
+    from mapcli.formats.logs.mcap.writer import save_log
 
     if out != "-" and not out.lower().endswith(".mcap"):
         raise click.UsageError(f"{out!r} does not end in .mcap.")
     if out in logs and out != "-":
         raise OutputError("is one of the logs to be read", file=out)
     log, tally = log_input.open(logs), Tally()
-    with output_file(out, no_clobber=no_clobber) as file, McapLogWriter(file) as writer:
-        records = tally.passing(log_input.records(log))
-        for record in progress(records, log.name, log.record_count, quiet=quiet):
-            writer.write(record)
-        if not tally.counts[RangeScan]:
-            raise DataError("no scan in the part asked for", file=log.name)
+    records = tally.passing(log_input.records(log), log.name)
+    save_log(progress(records, log.name, log.record_count, quiet=quiet), out, no_clobber=no_clobber)
     if not quiet:
         say_notes(log, verbose=verbose)
         click.echo(f"{out}: {tally.text()}", err=True)

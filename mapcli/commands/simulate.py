@@ -24,7 +24,6 @@ from mapcli.commands._options import (
 )
 from mapcli.commands._output import progress
 from mapcli.errors import DataError
-from mapcli.formats.output import output_file
 from mapcli.model.scan import Mount
 
 LIMITS, WHEELS, LASER = MotionLimits(), WheelModel(), LaserModel()
@@ -200,12 +199,10 @@ def _names(file: str) -> Iterator[None]:
 
 
 def _write(simulation: Simulation, out: str, no_clobber: bool, quiet: bool) -> None:
-    from mapcli.formats.logs.mcap.writer import McapLogWriter
+    from mapcli.formats.logs.mcap.writer import save_log
 
     records = progress(simulation.records(), "Driving", simulation.record_count, quiet=quiet)
-    with output_file(out, no_clobber=no_clobber) as file, McapLogWriter(file) as log:
-        for record in records:
-            log.write(record)
+    save_log(records, out, no_clobber=no_clobber)
 
 
 def _report(simulation: Simulation, verbose: bool) -> None:

@@ -17,7 +17,7 @@ from mapcli.formats.documents.relations import is_relations, load_relations
 from mapcli.formats.documents.trace import trace_document
 from mapcli.formats.documents.trajectories import load_trajectory
 from mapcli.formats.documents.trajectory import WRITERS, dump_trajectory, read_trajectory
-from mapcli.formats.logs.mcap.writer import McapLogWriter
+from mapcli.formats.logs.mcap.writer import LogNames, McapLogWriter
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Odometry, TruePose
 from mapcli.model.trace import Loop, PoseTrace, TracedPose
@@ -138,9 +138,9 @@ def test_other_malformed_files(tmp_path: Path) -> None:
 def write_mcap(path: Path, *topics: str, odometry: bool = True) -> str:
     """True poses x = 1, 2, 3 on every topic, the second written last; odometry at x = 9."""
     with path.open("wb") as file:
+        writer = McapLogWriter(file)
         for number, topic in enumerate(topics or ("/ground_truth",)):
-            writer = McapLogWriter(file, truth_topic=topic) if number == 0 else writer  # noqa: F821
-            writer.truth_topic = topic
+            writer.names = LogNames(truth_topic=topic)
             for k in (0, 2, 1):
                 writer.write(TruePose(k * 10**9, Pose2D(k + 1, number, 0.5)))
         if odometry:

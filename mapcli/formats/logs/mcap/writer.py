@@ -13,13 +13,16 @@ A message is logged at its own stamp. The bytes depend on the records alone.
 
 from __future__ import annotations
 
-from typing import Any, BinaryIO
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from mapcli.errors import DataError
 from mapcli.formats.logs.ros import messages as ros
+from mapcli.formats.output import output_file
 from mapcli.model.scan import NANOSECONDS, Mount, Odometry, RangeScan, Record, TruePose
 from mapcli.version import __version__
 
@@ -59,31 +62,29 @@ class _Counted:
         self._stream.flush()
 
 
+class LogNames(NamedTuple):
+    """Topics that records go to, and names of frames. A second mount in the same log gets
+    `<laser_frame>_2`, and so on."""
+
+    scan_topic: str = "/scan"
+    odom_topic: str = "/odom"
+    truth_topic: str = "/ground_truth"
+    map_frame: str = "map"
+    odom_frame: str = "odom"
+    base_frame: str = "base_link"
+    laser_frame: str = "laser"
+
+
 class McapLogWriter:
     """Writes records to an MCAP stream as they come (stateful; `close` or `with` completes it).
 
     Args:
         stream: binary, written forwards only (a pipe will do); stays open.
-        scan_topic, odom_topic, truth_topic: where the records go.
-        map_frame, odom_frame, base_frame, laser_frame: names of the frames. A second mount in the
-            same log gets `<laser_frame>_2`, and so on.
+        names: of topics and frames.
     """
 
-    def __init__(
-        self,
-        stream: BinaryIO,
-        *,
-        scan_topic: str = "/scan",
-        odom_topic: str = "/odom",
-        truth_topic: str = "/ground_truth",
-        map_frame: str = "map",
-        odom_frame: str = "odom",
-        base_frame: str = "base_link",
-        laser_frame: str = "laser",
-    ) -> None:
-        self.scan_topic, self.odom_topic, self.truth_topic = scan_topic, odom_topic, truth_topic
-        self.map_frame, self.odom_frame = map_frame, odom_frame
-        self.base_frame, self.laser_frame = base_frame, laser_frame
+    def __init__(self, stream: BinaryIO, names: LogNames | None = None) -> None:
+        self.names = names or LogNames()
         self._frames: dict[Mount, str] = {}
         self._channels: dict[tuple[str, str], int] = {}
         self._schemas: dict[str, int] = {}
@@ -164,13 +165,13 @@ class McapLogWriter:
             np.ascontiguousarray(scan.ranges, dtype=np.float32),
             np.empty(0, dtype=np.float32),
         )
-        self.message(self.scan_topic, ros.LASER_SCAN, laser_scan, scan.stamp_ns)
+        self.message(self.names.scan_topic, ros.LASER_SCAN, laser_scan, scan.stamp_ns)
 
     def _write_mount(self, mount: Mount, stamp_ns: int) -> None:
         suffix = f"_{len(self._frames) + 1}" if self._frames else ""
-        frame = self._frames[mount] = f"{self.laser_frame}{suffix}"
+        frame = self._frames[mount] = f"{self.names.laser_frame}{suffix}"
         transform = ros.transform_stamped(
-            stamp_ns, self.base_frame, frame, mount.pose, flipped=mount.flipped
+            stamp_ns, self.names.base_frame, frame, mount.pose, flipped=mount.flipped
         )
         tree = ros.build(ros.TF_MESSAGE, [transform])
         self.message("/tf_static", ros.TF_MESSAGE, tree, stamp_ns, latched=True)
@@ -181,8 +182,8 @@ class McapLogWriter:
         zero = ros.build("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
         message = ros.build(
             ros.ODOMETRY,
-            ros.header(stamp, self.odom_frame),
-            self.base_frame,
+            ros.header(stamp, self.names.odom_frame),
+            self.names.base_frame,
             ros.build("geometry_msgs/msg/PoseWithCovariance", ros.pose_message(pose), unknown),
             ros.build(
                 "geometry_msgs/msg/TwistWithCovariance",
@@ -190,14 +191,31 @@ class McapLogWriter:
                 unknown,
             ),
         )
-        self.message(self.odom_topic, ros.ODOMETRY, message, stamp)
-        transform = ros.transform_stamped(stamp, self.odom_frame, self.base_frame, pose)
+        self.message(self.names.odom_topic, ros.ODOMETRY, message, stamp)
+        transform = ros.transform_stamped(stamp, self.names.odom_frame, self.names.base_frame, pose)
         self.message("/tf", ros.TF_MESSAGE, ros.build(ros.TF_MESSAGE, [transform]), stamp)
 
     def _write_truth(self, truth: TruePose) -> None:
         message = ros.build(
             ros.POSE_STAMPED,
-            ros.header(truth.stamp_ns, self.map_frame),
+            ros.header(truth.stamp_ns, self.names.map_frame),
             ros.pose_message(truth.pose),
         )
-        self.message(self.truth_topic, ros.POSE_STAMPED, message, truth.stamp_ns)
+        self.message(self.names.truth_topic, ros.POSE_STAMPED, message, truth.stamp_ns)
+
+
+def save_log(
+    records: Iterable[Record], path: str | Path, names: LogNames | None = None, *,
+    no_clobber: bool = False,
+) -> None:  # fmt: skip
+    """Write records to an MCAP file with ROS 2 messages, which `mapcli.open_log` reads again.
+
+    The file appears when it is complete. `-` is standard output.
+
+    Raises:
+        DataError: a stamp that does not fit into a ROS 2 time.
+        OutputError: the file cannot be written, or exists and `no_clobber` is set.
+    """
+    with output_file(path, no_clobber=no_clobber) as file, McapLogWriter(file, names) as writer:
+        for record in records:
+            writer.write(record)

@@ -20,7 +20,7 @@ from support.mcap_making import S, Sent, mcap_bytes, mcap_file, odom, scan, tf_s
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.logs.log import Source
 from mapcli.formats.logs.mcap import container as mcap_file_module
-from mapcli.formats.logs.mcap.writer import McapLogWriter
+from mapcli.formats.logs.mcap.writer import LogNames, McapLogWriter
 from mapcli.formats.logs.open_log import Log, open_log
 from mapcli.formats.logs.ros import messages as ros
 from mapcli.model.log import Damage, LogOptions
@@ -59,7 +59,7 @@ def identity(record: Record) -> tuple[Any, ...]:
 
 def written(records: list[Record], **settings: Any) -> bytes:
     stream = io.BytesIO()
-    with McapLogWriter(stream, **settings) as writer:
+    with McapLogWriter(stream, LogNames(**settings)) as writer:
         for record in records:
             writer.write(record)
     return stream.getvalue()
