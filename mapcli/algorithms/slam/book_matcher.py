@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.similarity.candidate_poses import neighbour_candidates
@@ -42,18 +43,39 @@ def best_of_fifteen(
         similarity: the measure by which perception and map are compared.
     """
     cell = grid.parameters.resolution
-    points = np.concatenate([perception.hits, perception.open_ends, perception.laser[None]])
-    reach = 3 * cell + float(np.hypot(*points.T).max())
+    reach = 3 * cell + float(np.hypot(*perception.beams().T).max())
     middle = np.array([predicted.x, predicted.y])
     grid.extend_to(middle - reach, middle + reach)
     start = grid.pose_to_cells(predicted)
+    scores = _scores(grid, perception, start, reach / cell, similarity)
+    position, turn = np.unravel_index(int(np.argmax(scores)), scores.shape)
+    best = start + np.append(FIFTEEN.offsets[position], math.radians(FIFTEEN.turns_deg[turn]))
+    score, known, conflicts = agreement(grid, perception.hits / cell, best)
+    pose = grid.pose_from_cells(best)
+    return Match(pose, score, known, found=known > 0, free_space_conflicts=conflicts)
+
+
+def _scores(
+    grid: OccupancyGrid,
+    perception: Perception,
+    start: NDArray[np.float64],
+    reach: float,
+    similarity: Similarity,
+) -> NDArray[np.float64]:
+    """The similarity of each pose, higher is better, shape (positions, turns); -inf where map and
+    perception have no known cell in common.
+
+    Args:
+        start: (u, v, theta) of the predicted pose in the map, in cells and radians.
+        reach: cells from there to the farthest that any pose perceives.
+    """
     # Only the part of the map that can be reached is compared.
-    low = np.floor(start[:2] - reach / cell).astype(np.int64)
-    high = np.ceil(start[:2] + reach / cell).astype(np.int64)
+    low = np.floor(start[:2] - reach).astype(np.int64)
+    high = np.ceil(start[:2] + reach).astype(np.int64)
     part = np.sign(grid.log_odds[low[1] : high[1], low[0] : high[0]]).astype(np.int8)
     counts = scan_pair_counts(
         TernaryMap(part),
-        scan_outline(perception, cell, walls="ends"),
+        scan_outline(perception, grid.parameters.resolution, walls="ends"),
         start - np.append(low, 0),
         np.radians(FIFTEEN.turns_deg),
         FIFTEEN.offsets,
@@ -61,8 +83,4 @@ def best_of_fifteen(
     ).swapaxes(0, 1)
     scores = higher_is_better(similarity, similarity_of_counts(similarity, counts))
     scores[counts.sum(axis=(2, 3)) == 0] = -np.inf
-    position, turn = np.unravel_index(int(np.argmax(scores)), scores.shape)
-    best = start + np.append(FIFTEEN.offsets[position], math.radians(FIFTEEN.turns_deg[turn]))
-    score, known, conflicts = agreement(grid, perception.hits / cell, best)
-    pose = grid.pose_from_cells(best)
-    return Match(pose, score, known, found=known > 0, free_space_conflicts=conflicts)
+    return scores

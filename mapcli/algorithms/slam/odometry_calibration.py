@@ -75,12 +75,19 @@ class OdometryCalibration:
         if off > OUTLIER_SIGMAS * deviations.xy or turned > OUTLIER_SIGMAS * deviations.theta:
             return
         covariance = covariance_from_information(information).tolist()
-        ahead = math.copysign(1, counted.x)
-        weight = ahead / (covariance[0][0] + MATCH_FLOOR.xy**2)
+        self._update_metres(counted, found, covariance[0][0] + MATCH_FLOOR.xy**2)
+        self._update_turns(counted, found, covariance[2][2] + MATCH_FLOOR.theta**2)
+
+    def _update_metres(self, counted: Pose2D, found: Pose2D, variance: float) -> None:
+        weight = math.copysign(1, counted.x) / variance
         self._counted += weight * counted.x
         self._driven += weight * found.x
         self.metres = self._driven / self._counted
-        weight = 1 / (covariance[2][2] + MATCH_FLOOR.theta**2)
+
+    def _update_turns(self, counted: Pose2D, found: Pose2D, variance: float) -> None:
+        """Factor of turns and drift together; the instruments are the sign of a turn, if it is one,
+        and the sign of the way ahead."""
+        weight, ahead = 1 / variance, math.copysign(1, counted.x)
         turning = abs(counted.theta) > TURNING
         turn, found_turn = math.copysign(turning, counted.theta), wrap_angle(found.theta)
         (a, b), (c, d) = self._normal
