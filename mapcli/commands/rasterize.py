@@ -71,20 +71,22 @@ def command(
       mapcli rasterize fixtures/fig9_1.yaml fig9_1.txt --box 0,0,8,8 --min-cover 0.3
       mapcli rasterize fixtures/apartment.yaml apartment.yaml --resolution 0.05
     """
+    from mapcli.algorithms.maps.rasterize import covered_cells_listed, frame_of
+
     if target != "-" and Path(target).suffix.lower() not in SUFFIXES:
         raise click.UsageError(f"{target!r} says no format; end it in {', '.join(SUFFIXES)}.")
     outputs = [target, *([json_file] if json_file else [])]
     check_outputs(outputs, [source], "maps", no_clobber=no_clobber)
     loaded, world = _load(source, y_down=y_down)
     try:
-        frame = _frame(world, box, resolution, y_down=loaded.y_down)
+        frame = frame_of(world, resolution, box, y_down=loaded.y_down)
         grid, written = _rasterized(world, frame, min_cover, shares=shares)
     except DataError as error:
         error.file = error.file or source
         raise
     files = dump_map(written, target, SaveOptions(format="txt" if target == "-" else None))
     write_beside(target, files, no_clobber=no_clobber)
-    memory, cells = _memory(world, grid), _covered(grid, y_down=loaded.y_down)
+    memory, cells = Memory.of(world, grid), covered_cells_listed(grid, y_down=loaded.y_down)
     if not quiet:
         _report(memory.rows(), cells, world, files, to_stderr="-" in outputs, verbose=verbose)
     if json_file is not None:
@@ -95,7 +97,11 @@ def command(
 
 
 def _json(
-    source: str, data: bytes, parameters: dict[str, Any], memory: Memory, cells: list[list[int]]
+    source: str,
+    data: bytes,
+    parameters: dict[str, Any],
+    memory: Memory,
+    cells: list[tuple[int, int]],
 ) -> bytes:
     from mapcli.formats.documents.document import document, json_bytes
 
@@ -114,17 +120,6 @@ def _load(source: str, *, y_down: bool) -> tuple[LoadedWorld, World]:
     return loaded, loaded.world
 
 
-def _frame(
-    world: World, box: tuple[float, ...] | None, resolution: float, *, y_down: bool
-) -> GridMap:
-    from mapcli.algorithms.maps.rasterize import box_around, frame_of
-
-    if box is None:
-        return frame_of(box_around(world, resolution), resolution)
-    (x0, x1), (y0, y1) = sorted(box[::2]), sorted(-y if y_down else y for y in box[1::2])
-    return frame_of((x0, y0, x1, y1), resolution, from_top=y_down)
-
-
 def _rasterized(
     world: World, frame: GridMap, min_cover: float, *, shares: bool
 ) -> tuple[GridMap, GridMap]:
@@ -132,34 +127,15 @@ def _rasterized(
     import numpy as np
 
     from mapcli.algorithms.maps.polygons import solid_area
-    from mapcli.algorithms.maps.rasterize import covered_shares, rasterize
+    from mapcli.algorithms.maps.rasterize import covered_map, covered_shares
 
-    grid = rasterize(world, frame, min_cover)
-    if not shares:
-        return grid, grid
     covered = covered_shares(solid_area(world), frame)
-    return grid, frame.replaced(covered.astype(np.float32))
-
-
-def _memory(world: World, grid: GridMap) -> Memory:
-    vertices = sum(len(polygon) for polygon in world.polygons)
-    occupied = int((grid.cells >= 0.5).sum())
-    return Memory(grid.cells.size, occupied, len(world.polygons), vertices)
-
-
-def _covered(grid: GridMap, *, y_down: bool) -> list[list[int]]:
-    """x, y of the covered cells in the file's own axes, as the book lists them, sorted by y."""
-    import numpy as np
-
-    rows, columns = np.nonzero(grid.cells >= 0.5)
-    centres = grid.world_of_cells(rows, columns) / grid.resolution
-    x, y = np.floor(centres * (1, -1 if y_down else 1)).astype(int).T
-    order = np.lexsort((x, y))
-    return [[int(x[k]), int(y[k])] for k in order]
+    grid = covered_map(covered, frame, min_cover)
+    return grid, frame.replaced(covered.astype(np.float32)) if shares else grid
 
 
 def _report(
-    comparison: list[tuple[str, str]], cells: list[list[int]], world: World,
+    comparison: list[tuple[str, str]], cells: list[tuple[int, int]], world: World,
     files: dict[str, bytes], *, to_stderr: bool, verbose: bool,
 ) -> None:  # fmt: skip
     rows = list(comparison)

@@ -19,6 +19,7 @@ from mapcli.model.counting import counted
 
 if TYPE_CHECKING:
     from mapcli.model.rectified import RectifiedTrace
+    from mapcli.model.trajectory import Trajectory
 
 TRACES = (".json", ".tum", ".kitti", ".g2o", ".csv")
 
@@ -123,22 +124,14 @@ def _trace(
 
 
 def _dump_trace(
-    source: str, target: str, before: Any, result: RectifiedTrace, parameters: dict[str, Any]
+    source: str, target: str, before: Trajectory, result: RectifiedTrace, parameters: dict[str, Any]
 ) -> bytes:
+    from mapcli.algorithms.maps.rectify_trace import rectified_trace
     from mapcli.formats.documents.document import json_bytes
     from mapcli.formats.documents.trace import trace_document
     from mapcli.formats.documents.trajectory import dump_trajectory
-    from mapcli.model.pose import Pose2D
-    from mapcli.model.trace import PoseTrace, TracedPose
 
-    trace = PoseTrace(
-        tuple(
-            TracedPose(int(stamp), Pose2D(*after), Pose2D(*was), None, "odometry")
-            for stamp, after, was in zip(
-                before.stamps_ns, result.poses.tolist(), before.poses.tolist(), strict=True
-            )
-        )
-    )
+    trace = rectified_trace(before, result)
     if PurePath(target).suffix.lower() not in (".json", ""):
         return dump_trajectory(trace, target)
     inputs = {}
@@ -149,14 +142,13 @@ def _dump_trace(
 
 def _trace_lines(result: RectifiedTrace, *, verbose: bool) -> list[tuple[str, str]]:
     walls = result.walls
-    off = [abs(abs(wall.corner) - round(abs(wall.corner) / (math.pi / 2)) * math.pi / 2)
-           for wall in walls if wall.corner is not None]  # fmt: skip
+    off = result.corner_errors
     corners = f", up to {math.degrees(max(off)):.1f} degrees off" if off else ""
     rows = [("walls", f"{len(walls)}, with {counted(len(off), 'corners')}{corners}")]
     for wall in walls if verbose or len(walls) <= MOST_LISTED else ():
         rows.append(("", f"{wall.measured:7.2f} m -> {wall.length:.2f} m, towards "
                          f"{90 * (wall.quarter % 4):3} degrees, bent by "
-                         f"{math.degrees(wall.bend):+.1f}"))  # fmt: skip
+                         f"{math.degrees(wall.drift):+.1f}"))  # fmt: skip
     rows.append(("gap", f"{result.gap_before:.2f} m from the end to the start before"))
     rows.append(("", f"{result.gap_square:.2f} m with straight walls and right angles"))
     if result.is_loop:
@@ -170,15 +162,14 @@ def _map(
     source: str, target: str, png: str | None, tolerance: float | None, dialect: Any,
     no_clobber: bool, quiet: bool,
 ) -> list[tuple[str, str]]:  # fmt: skip
-    from mapcli.algorithms.maps.rectify_map import TOLERANCE_CELLS, rectify_map
+    from mapcli.algorithms.maps.rectify_map import rectify_map
     from mapcli.formats.maps.load import load_map
 
     loaded = load_map(source, dialect=dialect)
     for warning in () if quiet else loaded.warnings:
         click.echo(f"Warning: {source}: {warning}", err=True)
     grid = loaded.grid
-    limit = TOLERANCE_CELLS * grid.resolution if tolerance is None else tolerance
-    result = rectify_map(grid, limit)
+    result = rectify_map(grid, tolerance)
     files = dump_map(result.grid, target, SaveOptions(format="txt" if target == "-" else None))
     write_beside(target, files, no_clobber=no_clobber)
     if png:
@@ -188,6 +179,6 @@ def _map(
     degrees = math.degrees(result.direction)
     return [
         ("walls", f"{degrees:+.2f} degrees from the map's x axis, and across"),
-        ("outlines", f"{result.squared:,} of {result.outlines:,} of the open space made square"),
+        ("outlines", f"{result.rectified:,} of {result.outlines:,} of the open space made square"),
         ("changed", f"{counted(result.changed, 'cells')} of {grid.cells.size:,}"),
     ]

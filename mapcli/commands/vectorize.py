@@ -48,7 +48,7 @@ def command(
       mapcli vectorize map.yaml walls.yaml --tolerance 0.05
       mapcli vectorize fig9_1.txt - --y-down
     """
-    from mapcli.algorithms.maps.vectorize import TOLERANCE_CELLS, vectorize
+    from mapcli.algorithms.maps.vectorize import default_tolerance, vectorize
     from mapcli.formats.documents.world import write_world
     from mapcli.formats.maps.load import load_map
     from mapcli.model.memory import Memory
@@ -56,18 +56,17 @@ def command(
     check_outputs([target], [source], "maps", no_clobber=no_clobber)
     loaded = load_map(source, dialect=dialect)
     grid = loaded.grid
-    limit = TOLERANCE_CELLS * grid.resolution if tolerance is None else tolerance
-    world = vectorize(grid, limit, threshold)
+    tolerance = default_tolerance(grid) if tolerance is None else tolerance
+    world = vectorize(grid, tolerance, threshold)
     write_bytes(target, write_world(world, y_down=y_down), no_clobber=no_clobber)
     if quiet:
         return
     for warning in loaded.warnings:
         click.echo(f"Warning: {source}: {warning}", err=True)
-    occupied = int((grid.cells >= threshold).sum())
-    if not occupied:
+    memory = Memory.of(world, grid, threshold)
+    if not memory.occupied:
         click.echo(f"Warning: {source}: no cell is an obstacle from {threshold:g} on", err=True)
-    vertices = sum(len(polygon) for polygon in world.polygons)
-    rows = Memory(grid.cells.size, occupied, len(world.polygons), vertices).rows()
-    rows.append(("tolerance", f"{limit:g} m"))
+    rows = memory.rows()
+    rows.append(("tolerance", f"{tolerance:g} m"))
     for label, text in rows:
         click.echo(f"{label:>12}  {text}", err=target == "-")

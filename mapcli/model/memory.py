@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from mapcli.model.counting import counted
+from mapcli.model.grid import GridMap
+from mapcli.model.world import World
 
 PAIR_BYTES = 8
 """Two coordinates of four bytes each, as whole numbers of a cell or as those of a vertex."""
@@ -24,6 +26,17 @@ class Memory:
     occupied: int
     polygons: int
     vertices: int
+
+    @classmethod
+    def of(cls, world: World, grid: GridMap, threshold: float = 0.5) -> Memory:
+        """Of a continuous map and a grid map of the same objects.
+
+        Args:
+            threshold: cells from this probability on are covered by an object.
+        """
+        occupied = int((grid.cells >= threshold).sum())
+        vertices = sum(len(polygon) for polygon in world.polygons)
+        return cls(grid.cells.size, occupied, len(world.polygons), vertices)
 
     def document(self) -> dict[str, Any]:
         """The numbers, ready for JSON."""

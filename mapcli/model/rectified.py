@@ -1,7 +1,8 @@
-"""What knowing that walls are straight and perpendicular makes of a trace (Sect. 9.4)."""
+"""A trace along walls that are straight and perpendicular (Sect. 9.4)."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,14 +19,14 @@ class Wall:
     Attributes:
         quarter: its direction, in quarter turns counter-clockwise from the first wall's.
         measured, length: metres along it, by the trace and after the adjustment.
-        bend: radians that the trace turns along it, which the wall does not.
+        drift: radians that the heading of the trace turns along it, which the wall does not.
         corner: radians that the trace turns into the next wall; None for the last.
     """
 
     quarter: int
     measured: float
     length: float
-    bend: float
+    drift: float
     corner: float | None
 
 
@@ -50,6 +51,12 @@ class RectifiedTrace:
     gap_square: float
     gap_after: float
 
+    @property
+    def corner_errors(self) -> list[float]:
+        """How far the turn at each corner was from a multiple of a right angle, radians."""
+        turns = [abs(wall.corner) for wall in self.walls if wall.corner is not None]
+        return [abs(turn - round(turn / (math.pi / 2)) * math.pi / 2) for turn in turns]
+
     def document(self) -> dict[str, Any]:
         """The findings, ready for JSON, in metres and degrees with few decimals."""
         return {
@@ -62,7 +69,7 @@ class RectifiedTrace:
                     "direction_deg": 90 * (wall.quarter % 4),
                     "measured_m": round(wall.measured, 6),
                     "length_m": round(wall.length, 6),
-                    "bend_deg": round(float(np.degrees(wall.bend)), 4) + 0.0,
+                    "bend_deg": round(float(np.degrees(wall.drift)), 4) + 0.0,
                     "corner_deg": None
                     if wall.corner is None
                     else round(float(np.degrees(wall.corner)), 4),

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapcli.algorithms.maps.polygons import polygons_at, solid_area, world_of_area
-from mapcli.algorithms.maps.rasterize import box_around, covered_shares, frame_of, rasterize
+from mapcli.algorithms.maps.rasterize import box_around, covered_shares, empty_map, rasterize
 from mapcli.algorithms.maps.vectorize import vectorize
 from mapcli.errors import DataError
 from mapcli.formats.documents.world import load_world, read_world, write_world
@@ -49,12 +49,12 @@ def test_fig_9_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_same_triangle_with_y_up() -> None:
-    grid = rasterize(TRIANGLE, frame_of((0, 0, 8, 8), 1), 0.3)
+    grid = rasterize(TRIANGLE, empty_map((0, 0, 8, 8), 1), 0.3)
     assert {(x, 7 - y) for x, y in solid_cells(grid)} == BOOK_CELLS
 
 
 def test_shares_are_exact() -> None:
-    shares = covered_shares(solid_area(TRIANGLE), frame_of((0, 0, 8, 8), 1))[::-1]  # row is y
+    shares = covered_shares(solid_area(TRIANGLE), empty_map((0, 0, 8, 8), 1))[::-1]  # row is y
     assert shares[3, 5] == pytest.approx(0.375, abs=1e-12)
     assert shares[4, 5] == pytest.approx(23 / 24, abs=1e-12)
     assert shares[4, 4] == pytest.approx(1 / 6, abs=1e-12)
@@ -81,16 +81,16 @@ def test_shares_equal_those_of_single_cells(points: list[tuple[float, float]], y
 
 def test_overlapping_polygons_count_once() -> None:
     world = World.of([[[0, 0], [0.3, 0], [0.3, 1], [0, 1]]] * 2)
-    assert rasterize(world, frame_of((0, 0, 1, 1), 1), 0.5).cells.tolist() == [[0]]
+    assert rasterize(world, empty_map((0, 0, 1, 1), 1), 0.5).cells.tolist() == [[0]]
 
 
 def test_the_frame() -> None:
     world = World.of([[[0.12, -0.3], [0.98, -0.3], [0.98, 0.2]]])
     assert box_around(world, 0.25) == (0, -0.5, 1, 0.25)
-    frame = frame_of((0, 0, 1, 1.1), 0.25, from_top=True)
+    frame = empty_map((0, 0, 1, 1.1), 0.25, from_top=True)
     assert (frame.rows, frame.columns, frame.origin.y) == (5, 4, pytest.approx(-0.15))
     with pytest.raises(DataError, match="1,000,000,000 x 10 cells"):
-        frame_of((0, 0, 1e9, 10), 1)
+        empty_map((0, 0, 1e9, 10), 1)
 
 
 def test_points_in_objects() -> None:

@@ -12,7 +12,7 @@ import pytest
 from conftest import run
 from numpy.typing import NDArray
 
-from mapcli.algorithms.maps.rasterize import frame_of, rasterize
+from mapcli.algorithms.maps.rasterize import empty_map, rasterize
 from mapcli.algorithms.maps.rectify_map import rectify_map
 from mapcli.algorithms.maps.rectify_trace import RectifyParameters, rectify_trace
 from mapcli.algorithms.simulation.drive import plan_drive
@@ -130,9 +130,9 @@ def test_a_bend_is_no_wall() -> None:
 def room_map(turn_deg: float = 0.0, wobble: float = 0.0) -> GridMap:
     """A room of 6 x 4 m with walls 0.2 m thick and a pillar, at 0.1 m a cell; walls wobble."""
     rng = np.random.default_rng(1)
-    inner = rasterize(World.of([[(1, 1), (7, 1), (7, 5), (1, 5)]]), frame_of((0, 0, 8, 6), 0.1))
+    inner = rasterize(World.of([[(1, 1), (7, 1), (7, 5), (1, 5)]]), empty_map((0, 0, 8, 6), 0.1))
     outer = rasterize(
-        World.of([[(0.8, 0.8), (7.2, 0.8), (7.2, 5.2), (0.8, 5.2)]]), frame_of((0, 0, 8, 6), 0.1)
+        World.of([[(0.8, 0.8), (7.2, 0.8), (7.2, 5.2), (0.8, 5.2)]]), empty_map((0, 0, 8, 6), 0.1)
     )
     cells = np.where(inner.cells == 1, 0, np.where(outer.cells == 1, 1, np.nan))
     cells[28:32, 38:42] = 1
@@ -160,7 +160,7 @@ def test_bumps_on_walls_go() -> None:
 
 
 def test_a_slanting_wall_is_put_straight() -> None:
-    frame = frame_of((0, 0, 8, 6), 0.1)
+    frame = empty_map((0, 0, 8, 6), 0.1)
     room = rasterize(World.of([[(1, 1), (7, 1), (7, 5), (1, 5.3)]]), frame)
     walls = rasterize(World.of([[(0.8, 0.8), (7.2, 0.8), (7.2, 5.2), (0.8, 5.5)]]), frame)
     cells = np.where(room.cells == 1, 0, np.where(walls.cells == 1, 1, np.nan))
@@ -172,20 +172,20 @@ def test_a_slanting_wall_is_put_straight() -> None:
 
 def test_the_direction_of_turned_walls() -> None:
     corners = Pose2D(3, 1, math.radians(20)).apply(np.array([[0, 0], [6, 0], [6, 4], [0, 4.0]]))
-    frame = frame_of((0, 0, 10, 8), 0.1)
+    frame = empty_map((0, 0, 10, 8), 0.1)
     cells = rasterize(World.of([corners]), frame).cells
     result = rectify_map(frame.replaced(1 - cells), 0.2)
     assert math.degrees(result.direction) == pytest.approx(20, abs=0.7)  # half a cell on 4 m
-    assert (result.squared, result.outlines) == (1, 1)
+    assert (result.rectified, result.outlines) == (1, 1)
     assert (result.grid.cells != 1 - cells).sum() < 60  # of 400 cells along the walls
 
 
 def test_what_slants_by_design_stays() -> None:
-    frame = frame_of((0, 0, 8, 6), 0.1)
+    frame = empty_map((0, 0, 8, 6), 0.1)
     hexagon = World.of([[(0.5, 3), (2, 0.5), (6, 0.5), (7.5, 3), (6, 5.5), (2, 5.5)]])
     cells = 1 - rasterize(hexagon, frame).cells
     result = rectify_map(frame.replaced(cells), 0.2)
-    assert result.squared == 0
+    assert result.rectified == 0
     np.testing.assert_array_equal(result.grid.cells, cells)
 
 

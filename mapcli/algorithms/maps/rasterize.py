@@ -1,8 +1,9 @@
-"""From a continuous map to a grid map (Sect. 9.1): which cells do the objects cover?"""
+"""From a continuous map to a grid map (Sect. 9.1): the share of each cell that objects cover."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
@@ -18,12 +19,13 @@ Box = tuple[float, float, float, float]
 """x and y of the lower left, x and y of the upper right corner, metres."""
 
 MOST_CELLS = 100_000_000
+"""Of a map; more is a slip in the resolution or the box."""
 
 NOISE = 1e-9
 """Cells, and shares of a cell: what rounding may add or take."""
 
 
-def frame_of(box: Box, resolution: float, *, from_top: bool = False) -> GridMap:
+def empty_map(box: Box, resolution: float, *, from_top: bool = False) -> GridMap:
     """An unknown map whose cells fill a box, beginning in its lower (or upper) left corner.
 
     Raises:
@@ -36,7 +38,7 @@ def frame_of(box: Box, resolution: float, *, from_top: bool = False) -> GridMap:
     if not width * height <= MOST_CELLS or not max(width, height) <= MOST_CELLS:
         raise DataError(
             f"the map would have {width:,.0f} x {height:,.0f} cells",
-            expected=f"at most {MOST_CELLS:,}; a coarser --resolution or a smaller --box",
+            expected=f"at most {MOST_CELLS:,}; larger cells or a smaller box",
         )
     columns, rows = (max(math.ceil(side - NOISE), 1) for side in (width, height))
     bottom = y1 - rows * resolution if from_top else y0
@@ -59,6 +61,24 @@ def box_around(world: World, resolution: float) -> Box:
     return u0 * resolution, v0 * resolution, u1 * resolution, v1 * resolution
 
 
+def frame_of(
+    world: World, resolution: float, corners: Sequence[float] | None = None, *, y_down: bool = False
+) -> GridMap:
+    """An unknown map for a world: around everything, or in the box between two opposite corners.
+
+    Args:
+        corners: x0, y0, x1, y1, metres.
+        y_down: y of the corners grows downwards, and cells begin at the upper left corner.
+
+    Raises:
+        DataError: an empty world or box, or more than a hundred million cells.
+    """
+    if corners is None:
+        return empty_map(box_around(world, resolution), resolution)
+    (x0, x1), (y0, y1) = sorted(corners[::2]), sorted(-y if y_down else y for y in corners[1::2])
+    return empty_map((x0, y0, x1, y1), resolution, from_top=y_down)
+
+
 def rasterize(world: World, frame: GridMap, min_cover: float = 0.5) -> GridMap:
     """A map with 1 where the polygons cover at least `min_cover` of a cell's area, else 0.
 
@@ -69,8 +89,21 @@ def rasterize(world: World, frame: GridMap, min_cover: float = 0.5) -> GridMap:
     Raises:
         DataError: a polygon that is no area.
     """
-    shares = covered_shares(solid_area(world), frame)
+    return covered_map(covered_shares(solid_area(world), frame), frame, min_cover)
+
+
+def covered_map(shares: NDArray[np.float64], frame: GridMap, min_cover: float = 0.5) -> GridMap:
+    """The same from the covered shares, shape (rows, columns)."""
     return frame.replaced((shares >= min_cover - NOISE).astype(np.float32))
+
+
+def covered_cells_listed(grid: GridMap, *, y_down: bool = False) -> list[tuple[int, int]]:
+    """x, y of the covered cells, in cells from the world's origin, sorted by y, then x, as the book
+    lists them."""
+    rows, columns = np.nonzero(grid.cells >= 0.5)
+    centres = grid.world_of_cells(rows, columns) / grid.resolution
+    x, y = np.floor(centres * (1, -1 if y_down else 1)).astype(int).T
+    return [(int(x[k]), int(y[k])) for k in np.lexsort((x, y))]
 
 
 def covered_shares(area: Area, frame: GridMap) -> NDArray[np.float64]:

@@ -1,4 +1,5 @@
-"""Straight and perpendicular walls in a map (Sect. 9.4): its open space gets square outlines."""
+"""Straight and perpendicular walls in a map (Sect. 9.4): the outlines of its free space become
+rectilinear polygons."""
 
 from __future__ import annotations
 
@@ -22,76 +23,81 @@ Mask = NDArray[np.bool_]
 TOLERANCE_CELLS = 2.0
 """Default tolerance, in cells."""
 
-MOSTLY, NEARLY = 0.75, math.radians(20)
-"""An outline is made square when so much of its length runs so nearly along the axes: what is
-round or slanting by design stays as it is."""
+ALIGNED_SHARE, ALIGNED_ANGLE = 0.75, math.radians(20)
+"""An outline is made rectilinear when at least this share of its length runs within this angle of
+the axes: what is round or slanting by design stays as it is."""
 
-LIKE = 0.5
-"""A square outline must share so much of its area with what it stands for, or it is not used."""
+MIN_OVERLAP = 0.5
+"""A rectilinear outline must share so much of its area with what it replaces, or it is not used."""
 
 
 @dataclass(frozen=True, eq=False)
 class RectifiedMap:
-    """A map with square outlines.
+    """A map whose free space has rectilinear outlines.
 
     Attributes:
         grid: the map, in the same place.
         direction: of the walls, radians from the map's x axis, in [-pi/4, pi/4).
-        squared, outlines: how many outlines of open space were made square, and how many are not.
-        changed: cells that are of another kind than before (open, obstacle, unknown).
+        rectified, outlines: how many outlines of free space were made rectilinear, of how many.
+        changed: cells whose state is another than before (free, occupied, unknown).
     """
 
     grid: GridMap
     direction: float
-    squared: int
+    rectified: int
     outlines: int
     changed: int
 
 
-def rectify_map(grid: GridMap, tolerance: float, threshold: float = 0.5) -> RectifiedMap:
+def rectify_map(
+    grid: GridMap, tolerance: float | None = None, threshold: float = 0.5
+) -> RectifiedMap:
     """Make the walls of a map straight and perpendicular.
 
-    The outline of the open space becomes stretches along the main direction of the walls and
+    The outline of the free space becomes segments along the main direction of the walls and
     across it, each in the mean place of what it replaces. Only what is within the tolerance (and
     a cell) of an obstacle changes: where the unknown begins there may be no wall. What is round
-    or slanting, and small things without a square outline, stay as they are.
+    or slanting, and small things without a rectilinear outline, stay as they are.
 
     Args:
-        tolerance: how far an outline may stray from a straight stretch, metres.
+        tolerance: how far an outline may be from a straight segment, metres; None for two cells.
         threshold: cells from this probability on are obstacles.
 
     Raises:
         DataError: no cell is open.
     """
-    is_open = grid.known & (grid.cells < np.float32(threshold))
-    if not is_open.any():
+    is_free = grid.known & (grid.cells < np.float32(threshold))
+    if not is_free.any():
         raise DataError("no cell of the map is open", expected="rooms with walls")
-    area, limit = area_of_cells(is_open), tolerance / grid.resolution
+    tolerance = TOLERANCE_CELLS * grid.resolution if tolerance is None else tolerance
+    area, limit = area_of_cells(is_free), tolerance / grid.resolution
     direction = _main_direction(shapely.simplify(area, limit))
     if abs(direction) * max(grid.rows, grid.columns) < 0.5:
         direction = 0.0  # no cell would show it
     turned = affinity.rotate(area, -direction, origin=(0, 0), use_radians=True)
     rings = [ring for part in shapely.get_parts(turned) for ring in _rings(part)]
-    squared = [_squared(ring, limit) for ring in rings]
-    kept = [s if s is not None else shapely.Polygon(r) for r, s in zip(rings, squared, strict=True)]
+    rectilinear = [_rectilinear(ring, limit) for ring in rings]
+    kept = [
+        s if s is not None else shapely.Polygon(r) for r, s in zip(rings, rectilinear, strict=True)
+    ]
     holes = [k for k, ring in enumerate(rings) if ring.is_ccw != rings[0].is_ccw]
     solid = shapely.union_all([kept[k] for k in holes])
     outer = shapely.union_all([s for k, s in enumerate(kept) if k not in set(holes)])
     room = affinity.rotate(
         shapely.difference(outer, solid), direction, origin=(0, 0), use_radians=True
     )
-    opened = covered_cells(room, grid.rows, grid.columns) >= 0.5
-    cells = _redrawn(grid, is_open, opened, math.ceil(limit) + 1, threshold)
-    changed = _kinds(cells, threshold) != _kinds(grid.cells, threshold)
+    freed = covered_cells(room, grid.rows, grid.columns) >= 0.5
+    cells = _redrawn(grid, is_free, freed, math.ceil(limit) + 1, threshold)
+    changed = _states(cells, threshold) != _states(grid.cells, threshold)
     # Rows count downwards, y upwards.
     return RectifiedMap(
-        grid.replaced(cells), 0.0 - direction, sum(s is not None for s in squared), len(rings),
+        grid.replaced(cells), 0.0 - direction, sum(s is not None for s in rectilinear), len(rings),
         int(changed.sum()),
     )  # fmt: skip
 
 
 def _rings(part: Area) -> list[Area]:
-    """The outline of an open area, counter-clockwise, and those of its holes, clockwise."""
+    """The outline of a free area, counter-clockwise, and those of its holes, clockwise."""
     simple = shapely.geometry.polygon.orient(part)
     return [simple.exterior, *simple.interiors]
 
@@ -114,8 +120,8 @@ def _main_direction(area: Area) -> float:
     return ((median + math.pi) % math.tau - math.pi) / 4
 
 
-def _squared(ring: Area, tolerance: float) -> Area | None:
-    """A polygon along the axes in the place of an outline; None when none is like it."""
+def _rectilinear(ring: Area, tolerance: float) -> Area | None:
+    """A polygon along the axes in the place of an outline; None when none is similar enough."""
     whole = shapely.Polygon(ring)
     if not _runs_along_axes(shapely.get_coordinates(shapely.simplify(ring, tolerance))):
         return None
@@ -125,7 +131,7 @@ def _squared(ring: Area, tolerance: float) -> Area | None:
             continue
         square = shapely.make_valid(shapely.Polygon(corners))
         both = shapely.intersection(square, whole).area
-        if both >= LIKE * max(square.area, whole.area):
+        if both >= MIN_OVERLAP * max(square.area, whole.area):
             return square
     return None
 
@@ -134,7 +140,7 @@ def _runs_along_axes(corners: Floats) -> bool:
     x, y = np.diff(corners, axis=0).T
     lengths, angles = np.hypot(x, y), np.arctan2(y, x)
     off = np.abs(angles - np.rint(angles / (math.pi / 2)) * (math.pi / 2))
-    return bool(lengths[off <= NEARLY].sum() >= MOSTLY * lengths.sum())
+    return bool(lengths[off <= ALIGNED_ANGLE].sum() >= ALIGNED_SHARE * lengths.sum())
 
 
 def _square_corners(corners: Floats) -> Floats | None:
@@ -165,18 +171,22 @@ def _square_corners(corners: Floats) -> Floats | None:
 
 
 def _redrawn(
-    grid: GridMap, was_open: Mask, opened: Mask, reach: int, threshold: float
+    grid: GridMap, was_free: Mask, freed: Mask, reach: int, threshold: float
 ) -> NDArray[np.float32]:
-    """Cells for the new open space, with walls along it where walls were near."""
+    """Cells for the new free space, with walls along it within `reach` cells of old walls."""
     obstacle = grid.cells >= np.float32(threshold)
-    wall = was_open | _widened(opened, 1)
+    wall = was_free | _dilated(freed, 1)
     beyond = np.where(obstacle, grid.cells, np.where(wall, 1.0, np.nan))
-    redrawn = np.where(opened, np.where(was_open, grid.cells, 0.0), beyond)
-    return np.where(_widened(obstacle, reach), redrawn, grid.cells).astype(np.float32)
+    redrawn = np.where(freed, np.where(was_free, grid.cells, 0.0), beyond)
+    return np.where(_dilated(obstacle, reach), redrawn, grid.cells).astype(np.float32)
 
 
-def _widened(mask: Mask, cells: int) -> Mask:
-    """Where something lies within a number of rows and columns."""
+def _dilated(mask: Mask, cells: int) -> Mask:
+    """The binary dilation of a mask by a square of `2 * cells + 1` cells a side.
+
+    The same as `scipy.ndimage.maximum_filter`, whose import takes longer than all the rest on a map
+    of usual size.
+    """
     for axis in range(2):
         padded = np.pad(mask, [(cells, cells) if a == axis else (0, 0) for a in range(2)])
         windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * cells + 1, axis=axis)
@@ -184,6 +194,6 @@ def _widened(mask: Mask, cells: int) -> Mask:
     return mask
 
 
-def _kinds(cells: NDArray[np.float32], threshold: float) -> NDArray[np.int64]:
-    """0 open, 1 obstacle, 2 unknown."""
+def _states(cells: NDArray[np.float32], threshold: float) -> NDArray[np.int64]:
+    """0 free, 1 occupied, 2 unknown."""
     return np.where(np.isnan(cells), 2, cells >= np.float32(threshold)).astype(np.int64)

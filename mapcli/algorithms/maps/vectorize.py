@@ -14,18 +14,24 @@ TOLERANCE_CELLS = 0.5
 """Default tolerance, in cells: a lone cell and a wall one cell thick keep their shape."""
 
 
-def vectorize(grid: GridMap, tolerance: float, threshold: float = 0.5) -> World:
+def vectorize(grid: GridMap, tolerance: float | None = None, threshold: float = 0.5) -> World:
     """The obstacles of a map as polygons, simplified (Douglas and Peucker 1973).
 
     Args:
-        tolerance: how far an outline may move, metres, more than 0.
+        tolerance: how far an outline may move, metres, more than 0; None: `default_tolerance`.
         threshold: cells from this probability on are obstacles.
     """
+    tolerance = default_tolerance(grid) if tolerance is None else tolerance
     solid = area_of_cells(grid.cells >= np.float32(threshold))
     # Part by part: as a whole they would be kept from touching each other, which takes long.
     parts = shapely.simplify(shapely.get_parts(solid), tolerance / grid.resolution)
     world = world_of_area(parts)
     return World(tuple(_placed(grid, polygon) for polygon in world.polygons))
+
+
+def default_tolerance(grid: GridMap) -> float:
+    """Half a cell, metres."""
+    return TOLERANCE_CELLS * grid.resolution
 
 
 def area_of_cells(chosen: NDArray[np.bool_]) -> Area:
