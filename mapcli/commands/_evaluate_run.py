@@ -16,8 +16,8 @@ from mapcli.algorithms.evaluation.trajectory_error import EvaluateParameters
 from mapcli.commands._evaluate_report import described
 from mapcli.commands._log_options import LogInput, say_notes
 from mapcli.errors import MapcliError
+from mapcli.formats.documents.load_trajectory import load_trajectory
 from mapcli.formats.documents.relations import is_relations, load_relations
-from mapcli.formats.documents.trajectories import load_trajectory
 from mapcli.formats.logs.open_log import Log
 from mapcli.model.counting import counted
 from mapcli.model.evaluation import Evaluation, Kind

@@ -9,7 +9,7 @@ from typing import Any
 
 from mapcli.algorithms.evaluation.log_check import LogCheck, Timing, check_log
 from mapcli.errors import DataError, FormatError
-from mapcli.formats.documents.document import document
+from mapcli.formats.documents.json_document import document
 from mapcli.formats.logs.open_log import Log, open_log
 from mapcli.model.counting import counted
 from mapcli.model.log import LogOptions, Topic

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mapcli.commands._world_report import Points, cell_at, cell_line
-from mapcli.formats.documents.document import document
+from mapcli.formats.documents.json_document import document
 from mapcli.formats.maps.dialects import Dialect
 from mapcli.formats.maps.load import LoadedMap, load_map, read_file
 

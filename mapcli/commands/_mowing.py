@@ -120,7 +120,7 @@ def _write(
 
         write_bytes(given["png"], mowing_picture(plan, mowings[:2]), no_clobber=no_clobber)
     if given["json"]:
-        from mapcli.formats.documents.document import document, json_bytes
+        from mapcli.formats.documents.json_document import document, json_bytes
 
         names = ("seed", "runs", "mow_width", "landmarks", "landmark_size", "speed",
                  "turn_rate_deg", "odom_rate", "odom_noise", "odom_scale", "odom_turn_scale",

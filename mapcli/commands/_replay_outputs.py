@@ -11,7 +11,7 @@ import click
 
 from mapcli.algorithms.slam.replay import Replayed
 from mapcli.commands._output import check_outputs
-from mapcli.formats.documents.trajectory import WRITERS, dump_trajectory
+from mapcli.formats.documents.trajectory_text import WRITERS, dump_trajectory
 from mapcli.formats.maps.dump import SUFFIXES, SaveOptions
 from mapcli.formats.maps.save import save_map
 from mapcli.formats.output import output_file, write_bytes
@@ -122,7 +122,7 @@ def _write_map(name: str, grid: GridMap, no_clobber: bool) -> None:
 def _write_json(
     name: str, trace: PoseTrace, head: Mapping[str, Any], summary: ReplaySummary, no_clobber: bool
 ) -> None:
-    from mapcli.formats.documents.document import json_bytes
+    from mapcli.formats.documents.json_document import json_bytes
     from mapcli.formats.documents.trace import trace_document
 
     content = trace_document(trace, head["inputs"], head["parameters"], summary.document())

@@ -8,7 +8,7 @@ from pathlib import Path
 from mapcli.algorithms.scans.perception import PerceptionParameters
 from mapcli.algorithms.scans.scan_extraction import scan_perception
 from mapcli.errors import DataError
-from mapcli.formats.documents.perception_output import dump_perception
+from mapcli.formats.documents.perception_writer import dump_perception
 from mapcli.formats.output import write_bytes
 from mapcli.model.scan import RangeScan
 from mapcli.model.trace import PoseTrace

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mapcli.formats.documents.document import document
+from mapcli.formats.documents.json_document import document
 from mapcli.formats.documents.world import load_world
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap

@@ -102,7 +102,7 @@ def _names(a: str, b: str) -> tuple[str, str]:
 
 
 def _json(comparison: Comparison, inputs: dict[str, str], parameters: dict[str, Any]) -> bytes:
-    from mapcli.formats.documents.document import document, json_bytes
+    from mapcli.formats.documents.json_document import document, json_bytes
 
     pose = comparison.alignment
     content = {

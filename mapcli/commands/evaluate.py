@@ -109,8 +109,8 @@ def command(
         lines = report_lines(evaluation, files.trace, run.against, parameters)
         click.echo("\n".join(lines), err="-" in outputs)
     if json_file is not None:
-        from mapcli.formats.documents.document import json_bytes
         from mapcli.formats.documents.evaluation import evaluation_document
+        from mapcli.formats.documents.json_document import json_bytes
 
         content = evaluation_document(evaluation, run.digests, run.effective_parameters())
         write_bytes(json_file, json_bytes(content), no_clobber=no_clobber)

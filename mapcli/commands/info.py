@@ -46,7 +46,7 @@ def command(
     if not quiet and json_file != "-":
         click.echo("\n\n".join(text for text, _ in reports))
     if json_file is not None:
-        from mapcli.formats.documents.document import json_bytes
+        from mapcli.formats.documents.json_document import json_bytes
 
         documents = [document for _, document in reports]
         content = json_bytes(documents if len(documents) > 1 else documents[0])

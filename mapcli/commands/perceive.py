@@ -28,7 +28,7 @@ from mapcli.commands._options import (
 )
 from mapcli.commands._output import check_outputs
 from mapcli.errors import DataError
-from mapcli.formats.documents.perception_output import SUFFIXES, Writable, dump_perception
+from mapcli.formats.documents.perception_writer import SUFFIXES, Writable, dump_perception
 from mapcli.formats.output import write_bytes
 from mapcli.model.grid import GridMap
 from mapcli.model.perception import (

@@ -103,7 +103,7 @@ def _json(
     memory: Memory,
     cells: list[tuple[int, int]],
 ) -> bytes:
-    from mapcli.formats.documents.document import document, json_bytes
+    from mapcli.formats.documents.json_document import document, json_bytes
 
     digest = {Path(source).name: hashlib.sha256(data).hexdigest()}
     listed = [{"x": x, "y": y} for x, y in cells]

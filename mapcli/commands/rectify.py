@@ -127,9 +127,9 @@ def _dump_trace(
     source: str, target: str, before: Trajectory, result: RectifiedTrace, parameters: dict[str, Any]
 ) -> bytes:
     from mapcli.algorithms.maps.rectify_trace import rectified_trace
-    from mapcli.formats.documents.document import json_bytes
+    from mapcli.formats.documents.json_document import json_bytes
     from mapcli.formats.documents.trace import trace_document
-    from mapcli.formats.documents.trajectory import dump_trajectory
+    from mapcli.formats.documents.trajectory_text import dump_trajectory
 
     trace = rectified_trace(before, result)
     if PurePath(target).suffix.lower() not in (".json", ""):

@@ -135,7 +135,7 @@ def command(
         write_bytes(trace[1], moved, no_clobber=no_clobber)
         names.append(trace[1])
     if json_file:
-        from mapcli.formats.documents.document import document, json_bytes
+        from mapcli.formats.documents.json_document import document, json_bytes
 
         content = document(
             "mapcli.map-transform",

@@ -174,7 +174,7 @@ def test_the_self_check_and_what_it_says(capsys: pytest.CaptureFixture[str]) -> 
 
 def test_odometry_between_scans(capsys: pytest.CaptureFixture[str]) -> None:
     """The truth of the corridor at three moments only; the odometry tells what is between."""
-    from mapcli.formats.documents.trajectories import load_trajectory
+    from mapcli.formats.documents.load_trajectory import load_trajectory
 
     truth = load_trajectory(CORRIDOR).trajectory
     assert truth.stamps_ns is not None

@@ -14,7 +14,7 @@ import pytest
 from conftest import FIXTURES, ROOT, run
 
 from mapcli.formats.documents.perception import load_perception
-from mapcli.formats.documents.perception_output import dump_perception
+from mapcli.formats.documents.perception_writer import dump_perception
 from mapcli.model.perception import (
     LandmarkPerception,
     PerceptionDatabase,

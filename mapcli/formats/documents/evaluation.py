@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mapcli.formats.documents.document import document
+from mapcli.formats.documents.json_document import document
 from mapcli.model.evaluation import Evaluation
 
 EVALUATION = "mapcli.evaluation"
@@ -14,7 +14,7 @@ EVALUATION = "mapcli.evaluation"
 def evaluation_document(
     evaluation: Evaluation, inputs: Mapping[str, str], parameters: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The statistics of an evaluation and its errors one by one (see `document.py`).
+    """The statistics of an evaluation and its errors one by one (see `json_document`).
 
     `summary` holds the fields that `--fail-if` knows. The errors of a trajectory are those of the
     aligned poses (ATE), by the stamps of the trace or else by index; those of relations have the

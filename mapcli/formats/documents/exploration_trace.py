@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.formats.documents.document import document
+from mapcli.formats.documents.json_document import document
 from mapcli.formats.maps.text import shortest
 from mapcli.model.exploration import KINDS, Exploration, StepColumns, between
 

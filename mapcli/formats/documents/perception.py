@@ -45,7 +45,7 @@ import yaml
 from numpy.typing import NDArray
 
 from mapcli.errors import FormatError
-from mapcli.formats.documents.perception_nodes import (
+from mapcli.formats.documents.perception_fields import (
     choice,
     intended_pose,
     list_of,

@@ -13,8 +13,8 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from mapcli.errors import FormatError
-from mapcli.formats.documents.trajectories import unpacked
-from mapcli.formats.documents.trajectory import columns, rows_of_words, stamp_ns
+from mapcli.formats.documents.load_trajectory import unpacked
+from mapcli.formats.documents.trajectory_text import columns, rows_of_words, stamp_ns
 from mapcli.formats.maps.load import read_file
 from mapcli.model.trajectory import Relations
 

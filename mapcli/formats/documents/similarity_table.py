@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.formats.documents.document import document, json_bytes
+from mapcli.formats.documents.json_document import document, json_bytes
 from mapcli.model.local_maxima import LocalMaxima
 from mapcli.model.pose import Pose2D
 from mapcli.model.similarity import INTENDED, ScoredCandidate, SimilarityTable

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mapcli.errors import FormatError
-from mapcli.formats.documents.document import document, json_bytes, read_document
+from mapcli.formats.documents.json_document import document, json_bytes, read_document
 from mapcli.formats.maps.load import read_file
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import Pose2D
@@ -98,7 +98,7 @@ def trace_document(
     parameters: Mapping[str, Any],
     summary: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """A pose trace as a document of format `mapcli.pose-trace` (see `document.py`).
+    """A pose trace as a document of format `mapcli.pose-trace` (see `json_document`).
 
     Lengths and angles have six decimals, scores four: micrometres are finer than any laser, and
     such numbers are the same on every machine.

@@ -1,4 +1,4 @@
-"""Maps out: `dump_map` turns a map into the bytes of its files; see `maps.py` for the formats."""
+"""Maps out: `dump_map` turns a map into the bytes of its files; see `load` for the formats."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ A pixel's darkness `occ` is `1 - grey / 255`, or `grey / 255` with `negate`. By 
     scale     the same two, and in between the percent (occ - free) / (occupied - free)
     raw       the grey itself is the percent, 0 to 100; anything else is unknown
 
-What exactly the readers make of it differs, see `dialects.py`.
+What exactly the readers make of it differs, see `dialects`.
 """
 
 from __future__ import annotations

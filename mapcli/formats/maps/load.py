@@ -1,11 +1,10 @@
-"""Maps in and out, whatever their format: `load_map` and `dump_map`.
+"""Loading a map, whatever its format: `load_map` (`dump` and `save` write).
 
-    .txt            text, see `text.py`
-    .yaml .yml      a map_server pair (with an image) or a self-contained map, see `yaml_map.py`
+    .txt            text, see `text`
+    .yaml .yml      a map_server pair (with an image) or a self-contained map, see `yaml_map`
     .pgm .png       the image alone; mapcli's own carry resolution, origin and mode inside
 
-Standard input (`-`) and files of other suffixes are told by their content. Writers return bytes
-and write nothing; `commands/_output.py` does.
+Standard input (`-`) and files of other suffixes are told by their content.
 """
 
 from __future__ import annotations
@@ -116,7 +115,7 @@ def load_map(
 
     Args:
         path: the file, or `-` for standard input.
-        dialect: whose rules give an image's grey its meaning (see `grey.py`).
+        dialect: whose rules give an image's grey its meaning (see `grey`).
         resolution, origin: used in the place of what the file says.
         form: the format, when it is known otherwise than by suffix or content.
         read: where bytes come from.

@@ -10,7 +10,7 @@ from mapcli.algorithms.evaluation.evaluate import evaluate
 from mapcli.algorithms.evaluation.relations import odometry_of
 from mapcli.algorithms.evaluation.trajectory_error import EvaluateParameters
 from mapcli.errors import DataError
-from mapcli.formats.documents.trajectories import load_trajectory
+from mapcli.formats.documents.load_trajectory import load_trajectory
 from mapcli.formats.logs.open_log import open_log
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import TruePose

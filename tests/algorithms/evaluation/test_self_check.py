@@ -18,7 +18,7 @@ from mapcli.algorithms.evaluation.self_check import (
 )
 from mapcli.algorithms.scans.perception import PerceptionParameters, perceive
 from mapcli.errors import DataError
-from mapcli.formats.documents.trajectories import load_trajectory
+from mapcli.formats.documents.load_trajectory import load_trajectory
 from mapcli.formats.logs.open_log import open_log
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan, Record

@@ -20,8 +20,8 @@ from mapcli.algorithms.evaluation.trajectory_error import (
     within_gaps,
 )
 from mapcli.errors import DataError
-from mapcli.formats.documents.trajectories import load_trajectory
-from mapcli.formats.documents.trajectory import dump_trajectory
+from mapcli.formats.documents.load_trajectory import load_trajectory
+from mapcli.formats.documents.trajectory_text import dump_trajectory
 from mapcli.formats.logs.open_log import open_log
 from mapcli.model.evaluation import Errors, limit_fields, statistics
 from mapcli.model.pose import Pose2D, interpolate

@@ -1,4 +1,4 @@
-"""Unpacking the chunks of an MCAP file, whole or as far as they go."""
+"""Unpacking the chunks of an MCAP file; of a damaged or truncated one, what can be salvaged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""From record to record through an MCAP file, over damage, without unpacking anything.
+"""Recovery of a damaged MCAP file: from record to record, over damage, without unpacking anything.
+
+What is left of a damaged chunk is salvaged in `chunks`.
 
 The index at the end of a file is missing from interrupted recordings and wrong in some others,
 so it is not used: a walk along the records' lengths finds the same chunks, at the cost of a read

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapcli.errors import DataError
-from mapcli.formats.documents.trajectory import WRITERS, dump_trajectory
+from mapcli.formats.documents.trajectory_text import WRITERS, dump_trajectory
 from mapcli.model.pose import Pose2D
 from mapcli.model.trace import Loop, PoseTrace, TracedPose
 

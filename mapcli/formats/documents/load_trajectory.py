@@ -1,7 +1,7 @@
 """Opening a trajectory, whatever its format: the content decides, not the suffix.
 
-Our own `trace.json`, the formats of `trajectory.py`, `t x y theta` text, and MCAP files with poses
-such as those that `mapcli simulate` writes. Plain or gzip.
+Our own `trace.json`, the formats of `trajectory_text`, `t x y theta` text, and MCAP files with
+poses such as those that `mapcli simulate` writes. Plain or gzip.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from mapcli.errors import FormatError
 from mapcli.formats.documents.trace import read_trace_poses
-from mapcli.formats.documents.trajectory import EXPECTED, read_trajectory
+from mapcli.formats.documents.trajectory_text import EXPECTED, read_trajectory
 from mapcli.formats.logs.blocks import GZIP_MAGIC
 from mapcli.formats.maps.load import read_file
 from mapcli.model.trajectory import Trajectory

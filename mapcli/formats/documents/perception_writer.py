@@ -1,4 +1,4 @@
-"""Perceptions out; see `perception.py` for the format.
+"""Perceptions as YAML or JSON text; see `perception` for the format.
 
 Lengths and poses have six decimals, bearings four, which is finer than any sensor.
 """
@@ -10,7 +10,7 @@ import math
 from pathlib import PurePath
 from typing import Any
 
-from mapcli.formats.documents.document import json_bytes
+from mapcli.formats.documents.json_document import json_bytes
 from mapcli.model.perception import (
     ExpectedReadings,
     IntendedPose,
