@@ -17,13 +17,8 @@ from mapcli.formats.output import write_bytes
 from mapcli.model.world import World
 
 if TYPE_CHECKING:
+    from mapcli.algorithms.simulation.mowing import MowerModel
     from mapcli.model.mowing import Mowing, MowingPlan
-
-SIZES = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6)
-"""Landmarks that are tried out, metres."""
-
-RELIABLE = 0.95
-"""Landmarks are large enough when this share of them is noticed in a run."""
 
 _OPTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("--mow", {"is_flag": True, "help": "Mow WORLD, a lawn, back and forth, many times."}),
@@ -56,7 +51,7 @@ def mow_lawn(
     Raises:
         DataError: no lawn, or marks so large that they touch.
     """
-    from mapcli.algorithms.simulation.mowing import MowerModel
+    from mapcli.algorithms.simulation.mowing import MowerModel, landmark_sizes
     from mapcli.algorithms.simulation.mowing_plan import plan_mowing
     from mapcli.formats.documents.world import load_world
 
@@ -68,9 +63,9 @@ def mow_lawn(
         if lawn is None:
             raise DataError("is a grid map", expected="a lawn: `polygons:` with one polygon")
         plan = plan_mowing(lawn, given["mow_width"], given["landmarks"])
-        _check_size(plan, given["landmark_size"])
+        sizes = landmark_sizes(plan, given["landmark_size"])
         mower = MowerModel(wheels, given["speed"], given["turn_rate_deg"])
-        mowings = _mow_all(plan, mower, given, quiet=quiet)
+        mowings = _mow_all(plan, mower, sizes, given, quiet=quiet)
     except DataError as error:
         error.file = error.file or world
         raise
@@ -81,23 +76,13 @@ def mow_lawn(
             click.echo(line, err="-" in outputs)
 
 
-def _check_size(plan: MowingPlan, size: float) -> None:
-    if len(plan.marks) and size >= plan.largest_mark:
-        raise DataError(
-            f"{len(plan.marks)} landmarks of {size:g} m would touch",
-            expected=f"less than {plan.largest_mark:.2f} m, or fewer of them",
-        )
-
-
-def _mow_all(plan: MowingPlan, mower: Any, given: dict[str, Any], *, quiet: bool) -> list[Mowing]:
-    """By odometry alone; then with the landmarks asked for, then with some of other sizes."""
+def _mow_all(
+    plan: MowingPlan, mower: MowerModel, sizes: list[float | None], given: dict[str, Any], *,
+    quiet: bool,
+) -> list[Mowing]:  # fmt: skip
+    """With landmarks of each size; the mown area is measured for the first two."""
     from mapcli.algorithms.simulation.mowing import mow
 
-    sizes: list[float | None] = [None]
-    if len(plan.marks):
-        asked = given["landmark_size"]
-        others = [size for size in SIZES if size < plan.largest_mark and size != asked]
-        sizes += [asked, *others]
     work: Callable[[int], Mowing] = lambda k: mow(  # noqa: E731
         plan, mower, sizes[k], given["runs"], given["seed"], with_area=k < 2
     )
@@ -153,14 +138,15 @@ def report_lines(plan: MowingPlan, mowings: list[Mowing]) -> list[str]:
 def _ending(mowing: Mowing, width: float) -> list[tuple[str, str]]:
     import numpy as np
 
-    ways, (x, y) = mowing.distances, mowing.mean_error
+    distances, (x, y) = mowing.distances, mowing.mean_error
     share = mowing.systematic_share
     verdict = "the same in every run" if share > 0.5 else "another one in every run"
-    back = int((ways <= width).sum())
+    back = int((distances <= width).sum())
     return [
-        ("returns", f"{back} of {len(ways)} runs, to within a lane's width"),
-        ("station", f"ends {ways.mean():.2f} m from it on average, {ways.max():.2f} m at worst; "
-                    f"95 % of the runs within {np.percentile(ways, 95):.2f} m"),
+        ("returns", f"{back} of {len(distances)} runs, to within a lane's width"),
+        ("station", f"ends {distances.mean():.2f} m from it on average, "
+                    f"{distances.max():.2f} m at worst; "
+                    f"95 % of the runs within {np.percentile(distances, 95):.2f} m"),
         ("error", f"mostly {verdict}: common to all ({x:+.2f}, {y:+.2f}) m, "
                   f"{share:.0%} of the mean square; spread {mowing.scatter:.2f} m"),
         ("mown", f"{mowing.mown.mean():.1%} of the lawn on average"),
@@ -169,7 +155,7 @@ def _ending(mowing: Mowing, width: float) -> list[tuple[str, str]]:
 
 def _by_size(marked: list[Mowing]) -> list[tuple[str, str]]:
     """How large the landmarks must be."""
-    from mapcli.algorithms.simulation.mowing import smallest_reliable
+    from mapcli.algorithms.simulation.mowing import RELIABLE_SHARE, smallest_reliable
 
     ordered = sorted(marked, key=lambda each: each.landmark_size or 0)
     rows = [
@@ -177,10 +163,10 @@ def _by_size(marked: list[Mowing]) -> list[tuple[str, str]]:
              f"{each.distances.mean():.2f} m from the station")
         for each in ordered
     ]  # fmt: skip
-    enough = smallest_reliable(marked, RELIABLE)
+    enough, share = smallest_reliable(marked), f"{RELIABLE_SHARE:.0%}"
     verdict = (
-        f"{enough:g} m: from there on {RELIABLE:.0%} and more of them are noticed"
+        f"{enough:g} m: from there on {share} and more of them are noticed"
         if enough
-        else f"none up to {ordered[-1].landmark_size:g} m is noticed {RELIABLE:.0%} of the time"
+        else f"none up to {ordered[-1].landmark_size:g} m is noticed {share} of the time"
     )
     return [("size", "of the landmarks:"), *rows, ("reliable", verdict)]

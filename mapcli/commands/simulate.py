@@ -9,9 +9,9 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.simulation.drive import MotionLimits, plan_drive
+from mapcli.algorithms.simulation.drive import MotionLimits
 from mapcli.algorithms.simulation.sensors import FAULT_KINDS, Fault, LaserModel, WheelModel
-from mapcli.algorithms.simulation.simulate import ROBOT_RADIUS, Simulation, check_clearance
+from mapcli.algorithms.simulation.simulate import ROBOT_RADIUS, Simulation, simulate
 from mapcli.commands._mowing import mow_lawn, mow_options
 from mapcli.commands._options import (
     FILE,
@@ -137,9 +137,10 @@ def command(
     for warning in () if quiet else loaded.warnings:
         click.echo(f"Warning: {world}: {warning}", err=True)
     with _names(path):
-        drive = plan_drive(load_waypoints(path), limits)
-        check_clearance(loaded.world, drive, robot_radius)
-        simulation = Simulation(loaded.world, drive, wheels, laser, given["seed"])
+        simulation = simulate(
+            loaded.world, load_waypoints(path), limits=limits, wheels=wheels, laser=laser,
+            robot_radius=robot_radius, seed=given["seed"],
+        )  # fmt: skip
     _write(simulation, out, given["no_clobber"], quiet)
     if not quiet:
         _report(simulation, verbose)

@@ -1,4 +1,4 @@
-"""A lawn, and what became of the mowers that were sent over it (Activity 9.3)."""
+"""The plan of mowing a lawn, its runs, and their statistics (Activity 9.3)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class MowingPlan:
-    """Where a mower is told to drive, and the landmarks beside its way.
+    """Where a mower is told to drive, and the landmarks beside its path.
 
     Attributes:
         outline: corners of the lawn, shape (n, 2), metres.
@@ -42,7 +42,7 @@ class MowingPlan:
 
     @property
     def distance(self) -> float:
-        """Metres of the whole way."""
+        """Metres of the whole path."""
         return float(np.hypot(*np.diff(self.waypoints, axis=0).T).sum())
 
 
@@ -67,7 +67,7 @@ class Mowing:
 
     Attributes:
         landmark_size: side of the tape marks, metres; None for odometry alone.
-        end_errors: where each run really ended, as seen from the station, shape (runs, 2), metres.
+        end_errors: true position at the end of each run less the station, shape (runs, 2), metres.
         detected: share of the marks that were noticed at least once in a run; None without marks.
         mown: share of the lawn that each run cut, shape (runs,); empty where nobody asked.
         runs: the runs themselves.
@@ -86,17 +86,17 @@ class Mowing:
 
     @property
     def mean_error(self) -> Floats:
-        """The error that all runs have in common, x and y."""
+        """Mean error of the ends, shape (2,), metres: the systematic error."""
         return np.asarray(self.end_errors.mean(axis=0), dtype=np.float64)
 
     @property
     def scatter(self) -> float:
-        """Metres (root mean square) by which the runs differ from what they have in common."""
+        """Root mean square distance of the ends from their mean, metres: the random error."""
         return float(np.sqrt(((self.end_errors - self.mean_error) ** 2).sum(axis=1).mean()))
 
     @property
     def systematic_share(self) -> float:
-        """The share of the mean squared error that is the same in every run, 0 to 1."""
+        """The share of the mean squared error that is systematic, 0 to 1."""
         whole = float((self.end_errors**2).sum(axis=1).mean())
         return float((self.mean_error**2).sum()) / whole if whole else 0.0
 

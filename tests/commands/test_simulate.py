@@ -18,7 +18,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from mapcli.algorithms.simulation.drive import Drive, plan_drive
 from mapcli.algorithms.simulation.sensors import Fault, LaserModel, WheelModel
-from mapcli.algorithms.simulation.simulate import GRAIN, START_NS, Simulation, check_clearance
+from mapcli.algorithms.simulation.simulate import POSE_STEP, START_NS, Simulation, check_clearance
+from mapcli.algorithms.simulation.simulate import simulate as simulated
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
@@ -68,12 +69,21 @@ def test_records_come_in_order_of_stamps(drive: Drive) -> None:
     assert stamps[-1] >= START_NS + simulation.duration * 1e9
 
 
+def test_one_verb_plans_checks_and_senses() -> None:
+    waypoints = [Waypoint(1, 2), Waypoint(3, 2)]
+    simulation = simulated(ROOM, waypoints, wheels=EXACT_WHEELS, laser=EXACT_LASER, seed=3)
+    same = Simulation(ROOM, plan_drive(waypoints), EXACT_WHEELS, EXACT_LASER, 3)
+    assert poses_of(simulation, Odometry) == poses_of(same, Odometry)
+    with pytest.raises(DataError, match="expected at least its radius, 5 m"):
+        simulated(ROOM, waypoints, robot_radius=5)
+
+
 def test_exact_wheels_tell_the_truth(drive: Drive) -> None:
     simulation = Simulation(ROOM, drive, EXACT_WHEELS, EXACT_LASER)
     true = poses_of(simulation, TruePose)
     odometry = [true[0].compose(pose) for pose in poses_of(simulation, Odometry)]
-    assert flat(odometry) == pytest.approx(flat(true), abs=2 * GRAIN)
-    assert (true[-1].x, true[-1].y) == pytest.approx((3, 1.5), abs=GRAIN)
+    assert flat(odometry) == pytest.approx(flat(true), abs=2 * POSE_STEP)
+    assert (true[-1].x, true[-1].y) == pytest.approx((3, 1.5), abs=POSE_STEP)
 
 
 def test_the_seed_is_all_there_is(drive: Drive) -> None:
@@ -93,7 +103,7 @@ def test_the_laser_does_not_change_the_wheels(drive: Drive) -> None:
 # --- wheels
 
 
-def test_noise_grows_with_the_root_of_the_way() -> None:
+def test_noise_grows_with_the_root_of_the_distance() -> None:
     model = WheelModel(noise=(0.1, 0.2, 0.3, 0.4))
     moved, turned = Pose2D(0.04), Pose2D(theta=-0.09)
     for motion, x_sigma, theta_sigma in ((moved, 0.06, 0.04), (turned, 0.12, 0.03)):
@@ -298,7 +308,7 @@ def test_what_is_in_the_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert len(scan.ranges) == 12
     assert scan.range_max == 12
     true = store.deserialize_cdr(data["/ground_truth"], "geometry_msgs/msg/PoseStamped")
-    assert (true.pose.position.x, true.pose.position.y) == pytest.approx((0.8, 0.9), abs=GRAIN)
+    assert (true.pose.position.x, true.pose.position.y) == pytest.approx((0.8, 0.9), abs=POSE_STEP)
     assert true.header.stamp.sec == 1_600_000_000
 
 

@@ -1,8 +1,9 @@
 """A differential-drive robot follows waypoints: where it is at every moment, in closed form.
 
-The path is made of pieces of constant curvature: straight lines, arcs that round the corners,
-turns on the spot. On each piece the speed is a trapezoid over time: up, steady, down, all within
-the robot's limits. Nothing is integrated step by step, so any sampling gives the same drive.
+The path is made of segments of constant curvature: straight lines, arcs that round the corners,
+turns on the spot. On each segment the speed follows a trapezoidal profile over time: acceleration,
+constant speed, braking, all within the robot's limits. Nothing is integrated step by step, so any
+sampling gives the same drive.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ SHARP = math.radians(150)
 """Corners that turn more than this are turned on the spot: their arcs would hardly move."""
 
 
-LONGEST = 7 * 86_400.0
+LONGEST_S = 7 * 86_400.0
 """Seconds that a drive may take; more is a slip of the pen in the path."""
 
 
@@ -59,7 +60,7 @@ class MotionLimits:
 
 @dataclass(frozen=True, slots=True)
 class Trapezoid:
-    """Speed over time along a length: from `start` up to `peak` and down to `end`."""
+    """A trapezoidal speed profile along a length: from `start` up to `peak` and down to `end`."""
 
     length: float
     start: float
@@ -91,15 +92,15 @@ class Trapezoid:
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
-    """A stretch of constant curvature.
+class PathSegment:
+    """A segment of the path with constant curvature.
 
     Attributes:
         start: pose at its beginning.
         distance: metres along the path, negative in reverse.
         turn: radians turned on the way.
         waypoint: index of the waypoint that it leads to.
-        cap: speed limit, metres per second; radians per second in a turn on the spot.
+        speed_limit: metres per second; radians per second in a turn on the spot.
         pause: seconds to stand still afterwards.
     """
 
@@ -107,7 +108,7 @@ class Piece:
     distance: float
     turn: float
     waypoint: int
-    cap: float
+    speed_limit: float
     pause: float = 0.0
 
     @property
@@ -129,22 +130,24 @@ def arc(distance: float, turn: float) -> Pose2D:
 
 @dataclass(frozen=True)
 class Drive:
-    """The planned drive: pieces one after the other in time, each with its speeds.
+    """The planned drive: segments one after the other in time, each with its speeds.
 
     Attributes:
-        pieces, profiles: of equal number.
-        lead: seconds that the robot stands at the start.
+        segments, profiles: of equal number.
+        start_pause: seconds that the robot stands at the start.
     """
 
-    pieces: tuple[Piece, ...]
+    segments: tuple[PathSegment, ...]
     profiles: tuple[Trapezoid, ...]
-    lead: float = 0.0
+    start_pause: float = 0.0
 
     @cached_property
     def _begins(self) -> list[float]:
-        """When each piece begins, and the end of the last."""
-        durations = [p.duration + q.pause for p, q in zip(self.profiles, self.pieces, strict=True)]
-        return list(accumulate(durations, initial=self.lead))
+        """When each segment begins, and the end of the last."""
+        durations = [
+            p.duration + q.pause for p, q in zip(self.profiles, self.segments, strict=True)
+        ]
+        return list(accumulate(durations, initial=self.start_pause))
 
     @property
     def duration(self) -> float:
@@ -154,28 +157,29 @@ class Drive:
     @property
     def distance(self) -> float:
         """Metres driven, forwards and in reverse."""
-        return sum(abs(piece.distance) for piece in self.pieces)
+        return sum(abs(segment.distance) for segment in self.segments)
 
     def arrivals(self) -> list[float]:
         """When the robot has done with each waypoint: passed it, turned there and paused."""
         last = {
-            piece.waypoint: end for piece, end in zip(self.pieces, self._begins[1:], strict=True)
+            segment.waypoint: end
+            for segment, end in zip(self.segments, self._begins[1:], strict=True)
         }
-        return [self.lead, *last.values()]
+        return [self.start_pause, *last.values()]
 
     def waypoint_at(self, time: float) -> int:
         """Index of the waypoint that the robot drives to, turns at or stands at."""
-        return self.pieces[self._index_at(time)].waypoint
+        return self.segments[self._index_at(time)].waypoint
 
     def pose_at(self, time: float) -> Pose2D:
         """Where the robot is; before and after the drive it stands at the ends of the path."""
         i = self._index_at(time)
         profile = self.profiles[i]
         moving = min(max(time - self._begins[i], 0.0), profile.duration)
-        return self.pieces[i].pose_at(profile.travelled(moving) / profile.length)
+        return self.segments[i].pose_at(profile.travelled(moving) / profile.length)
 
     def _index_at(self, time: float) -> int:
-        return min(max(bisect_right(self._begins, time) - 1, 0), len(self.pieces) - 1)
+        return min(max(bisect_right(self._begins, time) - 1, 0), len(self.segments) - 1)
 
 
 def plan_drive(waypoints: Sequence[Waypoint], limits: MotionLimits | None = None) -> Drive:
@@ -195,16 +199,16 @@ def plan_drive(waypoints: Sequence[Waypoint], limits: MotionLimits | None = None
             f"the path has {len(waypoints)} waypoint(s)",
             expected="the start and at least one more to drive to",
         )
-    pieces = _pieces(_legs(waypoints, limits), limits)
-    drive = Drive(tuple(pieces), tuple(_profiles(pieces, limits)), waypoints[0].pause)
-    if not drive.duration <= LONGEST:
+    segments = _path_segments(_legs(waypoints, limits), limits)
+    drive = Drive(tuple(segments), tuple(_profiles(segments, limits)), waypoints[0].pause)
+    if not drive.duration <= LONGEST_S:
         raise DataError(f"the drive takes {drive.duration:g} s", expected="at most a week")
     return drive
 
 
 @dataclass(frozen=True, slots=True)
 class _Leg:
-    """The straight way from one waypoint to the next, waypoint number `to`."""
+    """The straight line from one waypoint to the next, waypoint number `to`."""
 
     start: Pose2D
     length: float
@@ -232,18 +236,20 @@ def _legs(waypoints: Sequence[Waypoint], limits: MotionLimits) -> list[_Leg]:
     return legs
 
 
-def _pieces(legs: Sequence[_Leg], limits: MotionLimits) -> list[Piece]:
+def _path_segments(legs: Sequence[_Leg], limits: MotionLimits) -> list[PathSegment]:
     """Legs shortened where an arc rounds the corner between them, and the corners."""
-    cuts = [0.0, *(_cut(a, b, limits.corner_cut) for a, b in pairwise(legs)), 0.0]
-    pieces = []
+    cuts = [0.0, *(_corner_cut(a, b, limits.corner_cut) for a, b in pairwise(legs)), 0.0]
+    segments = []
     for leg, following, before, after in zip(legs, [*legs[1:], None], cuts, cuts[1:], strict=False):
         straight = leg.length - before - after
         if straight > 0:
             start = leg.pose_at(before)
-            pieces.append(Piece(start, leg.sign * straight, 0.0, leg.to, leg.speed, leg.pause))
+            segments.append(
+                PathSegment(start, leg.sign * straight, 0.0, leg.to, leg.speed, leg.pause)
+            )
         if following and abs(_corner(leg, following)) > STRAIGHT:
-            pieces.append(_corner_piece(leg, following, after, limits))
-    return pieces
+            segments.append(_corner_segment(leg, following, after, limits))
+    return segments
 
 
 def _corner(a: _Leg, b: _Leg) -> float:
@@ -251,44 +257,52 @@ def _corner(a: _Leg, b: _Leg) -> float:
     return wrap_angle(b.start.theta - a.start.theta)
 
 
-def _cut(a: _Leg, b: _Leg, cut: float) -> float:
+def _corner_cut(a: _Leg, b: _Leg, cut: float) -> float:
     """Metres before and after the corner that its arc replaces; 0 where there is no arc."""
     rolls_on = a.sign == b.sign and not a.pause and STRAIGHT < abs(_corner(a, b)) < SHARP
     return min(cut, a.length / 2, b.length / 2) if rolls_on else 0.0
 
 
-def _corner_piece(a: _Leg, b: _Leg, cut: float, limits: MotionLimits) -> Piece:
+def _corner_segment(a: _Leg, b: _Leg, cut: float, limits: MotionLimits) -> PathSegment:
     turn = _corner(a, b)
     rate = math.radians(limits.turn_rate_deg)
     if not cut:
-        return Piece(replace(b.start, theta=a.start.theta), 0.0, turn, a.to, rate)
+        return PathSegment(replace(b.start, theta=a.start.theta), 0.0, turn, a.to, rate)
     radius = cut / math.tan(abs(turn) / 2)
-    cap = min(a.speed, b.speed, rate * radius)
-    return Piece(a.pose_at(a.length - cut), a.sign * radius * abs(turn), turn, a.to, cap)
+    speed_limit = min(a.speed, b.speed, rate * radius)
+    return PathSegment(
+        a.pose_at(a.length - cut), a.sign * radius * abs(turn), turn, a.to, speed_limit
+    )
 
 
-def _profiles(pieces: Sequence[Piece], limits: MotionLimits) -> list[Trapezoid]:
-    """As fast as the limits allow, with speeds that agree where pieces meet."""
-    pull = [
-        limits.acceleration if piece.distance else math.radians(limits.turn_acceleration_deg)
-        for piece in pieces
+def _profiles(segments: Sequence[PathSegment], limits: MotionLimits) -> list[Trapezoid]:
+    """As fast as the limits allow, with speeds that agree where segments meet."""
+    accelerations = [
+        limits.acceleration if segment.distance else math.radians(limits.turn_acceleration_deg)
+        for segment in segments
     ]
-    joints = [0.0, *(_joint_cap(a, b) for a, b in pairwise(pieces)), 0.0]
-    for i, piece in enumerate(pieces):
-        joints[i + 1] = min(joints[i + 1], math.sqrt(joints[i] ** 2 + 2 * pull[i] * piece.length))
-    for i, piece in reversed(list(enumerate(pieces))):
-        joints[i] = min(joints[i], math.sqrt(joints[i + 1] ** 2 + 2 * pull[i] * piece.length))
+    joints = [0.0, *(_joint_speed_limit(a, b) for a, b in pairwise(segments)), 0.0]
+    for i, segment in enumerate(segments):
+        joints[i + 1] = min(
+            joints[i + 1], math.sqrt(joints[i] ** 2 + 2 * accelerations[i] * segment.length)
+        )
+    for i, segment in reversed(list(enumerate(segments))):
+        joints[i] = min(
+            joints[i], math.sqrt(joints[i + 1] ** 2 + 2 * accelerations[i] * segment.length)
+        )
     return [
-        Trapezoid(piece.length, start, end, _peak(piece, start, end, a), a)
-        for piece, start, end, a in zip(pieces, joints, joints[1:], pull, strict=False)
+        Trapezoid(segment.length, start, end, _peak(segment, start, end, a), a)
+        for segment, start, end, a in zip(segments, joints, joints[1:], accelerations, strict=False)
     ]
 
 
-def _joint_cap(a: Piece, b: Piece) -> float:
-    """The highest speed from one piece into the next: 0 where the robot must stand."""
+def _joint_speed_limit(a: PathSegment, b: PathSegment) -> float:
+    """The highest speed from one segment into the next: 0 where the robot must stand."""
     rolls_on = a.distance * b.distance > 0 and not a.pause
-    return min(a.cap, b.cap) if rolls_on else 0.0
+    return min(a.speed_limit, b.speed_limit) if rolls_on else 0.0
 
 
-def _peak(piece: Piece, start: float, end: float, acceleration: float) -> float:
-    return min(piece.cap, math.sqrt(acceleration * piece.length + (start**2 + end**2) / 2))
+def _peak(segment: PathSegment, start: float, end: float, acceleration: float) -> float:
+    return min(
+        segment.speed_limit, math.sqrt(acceleration * segment.length + (start**2 + end**2) / 2)
+    )

@@ -38,6 +38,12 @@ MOST_STEPS = 2_000_000
 AS_NOISE = 3.0
 """Noise per systematic error of the odometry: after 10 m both have the same size."""
 
+SIZES = (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6)
+"""Sides of the landmarks that are tried out, metres."""
+
+RELIABLE_SHARE = 0.95
+"""Landmarks are large enough when this share of them is noticed in a run."""
+
 CELLS_A_WIDTH = 6
 """Fineness of the raster on which the mown area is measured."""
 
@@ -131,7 +137,26 @@ def _mown(plan: MowingPlan, path: Floats) -> float:
     return float((cut & lawn).sum() / lawn.sum())
 
 
-def smallest_reliable(mowings: Sequence[Mowing], share: float) -> float | None:
+def landmark_sizes(plan: MowingPlan, size: float) -> list[float | None]:
+    """The landmarks to mow with: none (odometry alone); then those asked for, then other sizes.
+
+    Args:
+        size: side of the landmarks asked for, metres.
+
+    Raises:
+        DataError: such landmarks would touch.
+    """
+    if not len(plan.marks):
+        return [None]
+    if size >= plan.largest_mark:
+        raise DataError(
+            f"{len(plan.marks)} landmarks of {size:g} m would touch",
+            expected=f"less than {plan.largest_mark:.2f} m, or fewer of them",
+        )
+    return [None, size, *(other for other in SIZES if other < plan.largest_mark and other != size)]
+
+
+def smallest_reliable(mowings: Sequence[Mowing], share: float = RELIABLE_SHARE) -> float | None:
     """The smallest landmarks from which on at least such a share of them is noticed in a run."""
     found = None
     for mowing in sorted(mowings, key=lambda each: -(each.landmark_size or 0)):

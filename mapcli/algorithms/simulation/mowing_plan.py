@@ -1,4 +1,4 @@
-"""The way of a mower over a lawn, back and forth, and tape marks beside it (Fig. 9.12, 9.14)."""
+"""The path of a mower over a lawn, back and forth, and tape marks beside it (Fig. 9.12, 9.14)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def plan_mowing(world: World, width: float, landmarks: int = 0) -> MowingPlan:
             mower starts where the first lane does.
         width: metres that a lane is cut wide.
         landmarks: number of tape marks, evenly along the outline, each moved to the nearest point
-            of the way, where a robot can notice it.
+            of the path, where a robot can notice it.
 
     Raises:
         DataError: no lawn or several, a lawn that is no area, too narrow for a lane, or with bays
@@ -87,7 +87,7 @@ def _distinct(points: Floats) -> Floats:
 
 
 def _marks(lawn: Area, waypoints: Floats, count: int) -> Floats:
-    way = shapely.LineString(waypoints)
+    path = shapely.LineString(waypoints)
     evenly = [lawn.exterior.interpolate((k + 0.5) / count, normalized=True) for k in range(count)]
-    near = [way.interpolate(way.project(point)) for point in evenly]
+    near = [path.interpolate(path.project(point)) for point in evenly]
     return np.array([(point.x, point.y) for point in near]).reshape(-1, 2)

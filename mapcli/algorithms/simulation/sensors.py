@@ -1,4 +1,4 @@
-"""The sensors of a simulated robot: wheels that drift and can fail, and a range sensor."""
+"""The sensors of a simulated robot: odometry with noise, systematic errors and faults; a laser."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Mount, RangeScan
 
-GRAIN = 2.0**-10
+RANGE_STEP = 2.0**-10
 """Ranges are measured in steps of about a millimetre; a power of two, because that compresses."""
 
 MOST_BEAMS = 1_000_000
@@ -26,7 +26,7 @@ FAULT_KINDS: tuple[str, ...] = get_args(FaultKind)
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Odometry that is plainly wrong for a while.
+    """A failure of the odometry.
 
     Attributes:
         kind: `reverse-sign`: the wheels count metres backwards; `slip`: the wheels turn on while
@@ -52,20 +52,20 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class WheelModel:
-    """How wheels measure.
+    """The odometry of wheels.
 
-    The noise grows with the square root of the way, like a random walk, so that it does not
+    The noise grows with the square root of the distance, a random walk, so that it does not
     depend on how often the wheels are read (the alphas of Thrun's odometry model would make it
     vanish at high rates).
 
     Attributes:
         rate: readings per second.
         noise: standard deviations: of the heading, radians, after one radian turned and after
-            one metre driven; of the way, metres, after one metre driven and after one radian
+            one metre driven; of the distance, metres, after one metre driven and after one radian
             turned. Thrun's alphas 1 to 4 in their order.
         scale, turn_scale: factors on metres and radians; 1 is right.
-        drift_deg: degrees turned per metre that the wheels do not notice.
-        faults: when the odometry is plainly wrong.
+        drift_deg: degrees turned per metre that the wheels do not measure.
+        faults: when the odometry fails.
 
     Raises:
         DataError: a rate or a scale that is not positive, or noise that is negative.
@@ -91,20 +91,20 @@ class WheelModel:
         object.__setattr__(self, "faults", tuple(in_time))
 
     def fault_at(self, time: float) -> FaultKind | None:
-        """What is wrong with the wheels at a time, in seconds since the start of the log."""
+        """The fault at a time, in seconds since the start of the log."""
         return next((f.kind for f in self.faults if f.begin <= time < f.end), None)
 
     def measured(self, moved: Pose2D, rng: np.random.Generator) -> Pose2D:
-        """What the wheels count when the robot really moves by `moved`."""
-        way, turn = math.hypot(moved.x, moved.y), abs(moved.theta)
-        turn_by_turn, turn_by_way, way_by_way, way_by_turn = self.noise
-        way_sigma = math.sqrt(way_by_way**2 * way + way_by_turn**2 * turn)
-        turn_sigma = math.sqrt(turn_by_turn**2 * turn + turn_by_way**2 * way)
-        way_error, turn_error = rng.standard_normal(2) * (way_sigma, turn_sigma)
+        """The relative pose that the wheels measure when the robot really moves by `moved`."""
+        distance, turn = math.hypot(moved.x, moved.y), abs(moved.theta)
+        alpha1, alpha2, alpha3, alpha4 = self.noise
+        distance_sigma = math.sqrt(alpha3**2 * distance + alpha4**2 * turn)
+        turn_sigma = math.sqrt(alpha1**2 * turn + alpha2**2 * distance)
+        distance_error, turn_error = rng.standard_normal(2) * (distance_sigma, turn_sigma)
         return Pose2D(
-            moved.x * self.scale + way_error,  # wheels do not slide sideways
+            moved.x * self.scale + distance_error,  # wheels do not slide sideways
             moved.y * self.scale,
-            moved.theta * self.turn_scale + turn_error - math.radians(self.drift_deg) * way,
+            moved.theta * self.turn_scale + turn_error - math.radians(self.drift_deg) * distance,
         )
 
 
@@ -150,7 +150,7 @@ class LaserModel:
     @property
     def angle_min(self) -> float:
         if self.beams == 1:
-            return 0.0  # the middle of its field
+            return 0.0  # the middle of its field of view
         return -math.radians(self.fov_deg) / 2
 
     @property
@@ -162,12 +162,16 @@ class LaserModel:
     def scan(
         self, edges: NDArray[np.float64], robot: Pose2D, stamp_ns: int, rng: np.random.Generator
     ) -> RangeScan:
-        """What the laser sees from a robot at a pose."""
+        """The scan from a robot at a pose.
+
+        Args:
+            edges: of the obstacles, as of `edges_of`.
+        """
         fan = self.angle_min, self.angle_increment
         laser = robot.compose(self.mount.pose)
         ranges = cast(edges, laser, *fan, self.beams, self.range_max)
         ranges += self.noise * rng.standard_normal(self.beams)
-        ranges = np.round(ranges / GRAIN) * GRAIN
+        ranges = np.round(ranges / RANGE_STEP) * RANGE_STEP
         ranges[ranges > self.range_max] = np.inf
         ranges[ranges < self.range_min] = -np.inf
         ranges[rng.random(self.beams) < self.dropout] = np.nan

@@ -1,10 +1,10 @@
-"""A simulated robot: a drive through a world becomes the log that its sensors would write."""
+"""A simulated robot: a drive through a world becomes the log of its sensors."""
 
 from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.ray_casting import clearance, edges_of, is_inside
-from mapcli.algorithms.simulation.drive import Drive
+from mapcli.algorithms.simulation.drive import Drive, MotionLimits, plan_drive
 from mapcli.algorithms.simulation.sensors import Fault, LaserModel, WheelModel
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.scan import Odometry, RangeScan, Record, TruePose
+from mapcli.model.waypoint import Waypoint
 from mapcli.model.world import World
 
 START_NS = 1_600_000_000 * 10**9
@@ -26,7 +27,7 @@ START_NS = 1_600_000_000 * 10**9
 ROBOT_RADIUS = 0.15
 """Metres: a robot as wide as a vacuum cleaner."""
 
-GRAIN = 2.0**-20
+POSE_STEP = 2.0**-20
 """Poses are recorded in steps of about a micrometre and a microradian, so that a log does not
 depend on the last bit of a machine's sine; a power of two, because that compresses."""
 
@@ -120,10 +121,10 @@ class Simulation:
         return (i / self.odometry.rate for i in range(self.reading_count))
 
     def _wheel_motion(self, time: float) -> Pose2D:
-        """How the wheels turned since the reading before `time`, as a motion of the robot."""
+        """The relative pose since the reading before `time` by which the wheels turned."""
         step = 1 / self.odometry.rate
         fault = self.odometry.fault_at(time - step / 2)
-        if fault == "slip":  # they go on as they did when they lost their grip
+        if fault == "slip":  # they turn on as they did when they lost their grip
             driven = self._driven(time)
             return self.drive.pose_at(driven - step).between(self.drive.pose_at(driven))
         moved = self.true_pose(time - step).between(self.true_pose(time))
@@ -145,8 +146,35 @@ class Simulation:
         return [fault for fault in self.odometry.faults if fault.kind == "slip"]
 
 
+def simulate(
+    world: World | GridMap,
+    waypoints: Sequence[Waypoint],
+    *,
+    limits: MotionLimits | None = None,
+    wheels: WheelModel | None = None,
+    laser: LaserModel | None = None,
+    robot_radius: float = ROBOT_RADIUS,
+    seed: int = 0,
+) -> Simulation:
+    """Drive a simulated robot along waypoints; its log is `records()` of the result, lazily.
+
+    Args:
+        world: polygons, or a grid map whose cells of at least 0.5 are solid.
+        waypoints: the first is the start.
+        limits, wheels, laser: of the robot; None for the defaults.
+        robot_radius: metres to keep from obstacles, more than 0.
+        seed: of the noise.
+
+    Raises:
+        DataError: as of `plan_drive`, `check_clearance` and `Simulation`.
+    """
+    drive = plan_drive(waypoints, limits)
+    check_clearance(world, drive, robot_radius)
+    return Simulation(world, drive, wheels or WheelModel(), laser or LaserModel(), seed)
+
+
 def check_clearance(world: World | GridMap, drive: Drive, radius: float = ROBOT_RADIUS) -> None:
-    """Refuse a drive that bumps into something.
+    """Refuse a drive with a collision.
 
     Args:
         radius: of the robot, metres, more than 0.
@@ -186,4 +214,4 @@ def _stamp(time: float) -> int:
 
 def _rounded(pose: Pose2D) -> Pose2D:
     values = pose.x, pose.y, wrap_angle(pose.theta)
-    return Pose2D(*(round(value / GRAIN) * GRAIN for value in values))
+    return Pose2D(*(round(value / POSE_STEP) * POSE_STEP for value in values))

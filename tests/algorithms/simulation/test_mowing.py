@@ -25,7 +25,7 @@ from mapcli.algorithms.simulation._kernels.mowing import (
     truncate_axis,
     truncated_gaussian,
 )
-from mapcli.algorithms.simulation.mowing import MowerModel, mow, smallest_reliable
+from mapcli.algorithms.simulation.mowing import MowerModel, landmark_sizes, mow, smallest_reliable
 from mapcli.algorithms.simulation.mowing_plan import plan_mowing
 from mapcli.algorithms.simulation.sensors import WheelModel
 from mapcli.errors import DataError
@@ -74,6 +74,14 @@ def test_lawns_that_are_none(world: World, width: float, message: str) -> None:
     with pytest.raises(DataError) as error:
         plan_mowing(world, width)
     assert message in str(error.value)
+
+
+def test_landmarks_of_several_sizes_are_tried() -> None:
+    assert landmark_sizes(plan_mowing(LAWN, 1.0), 0.4) == [None]
+    plan = plan_mowing(LAWN, 1.0, 4)
+    assert landmark_sizes(plan, 0.3) == [None, 0.3, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8]
+    with pytest.raises(DataError, match=r"4 landmarks of 1 m would touch; expected less than 1.00"):
+        landmark_sizes(plan, 1.0)
 
 
 # --- one step, against slow and obvious twins
