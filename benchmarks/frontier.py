@@ -26,12 +26,9 @@ from typing import IO, NamedTuple
 import numpy as np
 from data import find_maps
 
-from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
-from mapcli.algorithms.exploration.explore import explore
-from mapcli.formats.maps.dump import SaveOptions, dump_map
-from mapcli.formats.maps.load import load_map
+from mapcli import ExplorationParameters, GridMap, SaveOptions, explore, load_map
+from mapcli.formats.maps.dump import dump_map
 from mapcli.model.exploration_replay import ExplorationReplay
-from mapcli.model.grid import GridMap
 
 FIXTURES = Path(__file__).parent.parent / "fixtures"
 MAPCLI = Path(sys.executable).parent / "mapcli"

@@ -21,10 +21,10 @@ from typing import Any
 
 from data import find_logs
 
+from mapcli import open_log
 from mapcli.algorithms.slam.replay import ReplayRun
 from mapcli.algorithms.slam.slam import Slam
 from mapcli.commands._replay_outputs import ReplayOutputs, write_outputs
-from mapcli.formats.logs.open_log import open_log
 
 STAGES = {
     "perceiving": ("mapcli.algorithms.slam.slam", "perceive"),

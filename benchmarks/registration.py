@@ -15,10 +15,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from mapcli.algorithms.maps.registration import register
-from mapcli.algorithms.maps.transform import bake_yaw, crop_to_box, move
-from mapcli.formats.maps.load import load_map
-from mapcli.model.pose import Pose2D
+from mapcli import Pose2D, crop_to_box, load_map, move, register
+from mapcli.algorithms.maps.transform import bake_yaw
 
 FIXTURE = Path(__file__).parents[1] / "fixtures" / "apartment.mcap"
 MIDDLE = 5.2

@@ -14,14 +14,13 @@ import time
 
 import numpy as np
 
+from mapcli import GridMap, Pose2D
 from mapcli.algorithms.scans.ray_casting import edges_of
 from mapcli.algorithms.similarity.candidate_poses import CandidateWindow
 from mapcli.algorithms.similarity.expected_perception import RangeSensor, expected_ranges
 from mapcli.algorithms.similarity.grid_table import scan_table
 from mapcli.algorithms.similarity.measures import SIMILARITIES
-from mapcli.model.grid import GridMap
 from mapcli.model.perception import IntendedPose, ScanPerception
-from mapcli.model.pose import Pose2D
 
 
 def hall() -> GridMap:

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from slam import MAPCLI, evaluate
 
+from mapcli import open_log
 from mapcli.formats.logs.mcap.writer import McapLogWriter
-from mapcli.formats.logs.open_log import open_log
 from mapcli.model.scan import RangeScan
 
 FIXTURES = Path(__file__).parent.parent / "fixtures"

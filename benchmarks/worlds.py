@@ -20,7 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mapcli.algorithms.simulation.drive import MotionLimits, plan_drive
+from mapcli import MotionLimits, plan_drive
 from mapcli.model.waypoint import Waypoint
 
 MAPCLI = Path(sys.executable).parent / "mapcli"

@@ -141,13 +141,11 @@ def _write_mcap(name: str, grid: GridMap, trace: PoseTrace, no_clobber: bool) ->
 
 
 def _write_png(name: str, grid: GridMap, trace: PoseTrace, no_clobber: bool) -> None:
-    import numpy as np
-
     from mapcli.pictures.map_picture import RobotPath, floor_plan
 
-    poses = np.array([(p.pose.x, p.pose.y, p.pose.theta) for p in trace.poses])
-    stamps = np.array([p.stamp_ns - trace.poses[0].stamp_ns for p in trace.poses]) * 1e-9
-    picture = floor_plan(grid, path=RobotPath(poses[:, :2], stamps, poses[:, 2]))
+    driven = trace.trajectory()
+    path = RobotPath(driven.poses[:, :2], driven.seconds(), driven.poses[:, 2])
+    picture = floor_plan(grid, path=path)
     write_bytes(name, picture, no_clobber=no_clobber)
 
 

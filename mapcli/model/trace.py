@@ -6,8 +6,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
+import numpy as np
+
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import InformationTriangle
+from mapcli.model.trajectory import Trajectory
 
 Status = Literal["first", "matched", "odometry"]
 
@@ -61,6 +64,12 @@ class PoseTrace:
     poses: tuple[TracedPose, ...]
     loops: tuple[Loop, ...] = ()
     steps: tuple[Pose2D, ...] = ()
+
+    def trajectory(self) -> Trajectory:
+        """The poses as arrays."""
+        poses = [(traced.pose.x, traced.pose.y, traced.pose.theta) for traced in self.poses]
+        stamps = np.array([traced.stamp_ns for traced in self.poses], dtype=np.int64)
+        return Trajectory(np.array(poses, dtype=np.float64).reshape(-1, 3), stamps)
 
     def distance(self) -> float:
         """Metres driven."""

@@ -11,12 +11,10 @@ import pytest
 from conftest import run as run_mapcli
 from PIL import Image
 
-from mapcli.algorithms.maps.compare import compare
-from mapcli.algorithms.maps.transform import bake_yaw, move
-from mapcli.formats.maps.load import dump_map, load_map
+from mapcli import GridMap, Pose2D, compare, load_map, move
+from mapcli.algorithms.maps.transform import bake_yaw
+from mapcli.formats.maps.load import dump_map
 from mapcli.model.comparison import FREE, OCCUPIED
-from mapcli.model.grid import GridMap
-from mapcli.model.pose import Pose2D
 from mapcli.pictures.difference import difference_picture
 
 A = b"""resolution: 0.5

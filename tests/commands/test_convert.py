@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from conftest import run
 
-from mapcli.formats.maps.load import load_map
-from mapcli.model.pose import Pose2D
+from mapcli import Pose2D, load_map
 
 BOOK = "resolution: 0.5\n? 0.1 0.2\n1 0.3 0.9\n"
 

@@ -14,9 +14,8 @@ import pytest
 from conftest import FIXTURES, run
 from PIL import Image
 
-from mapcli.formats.maps.load import dump_map, load_map
-from mapcli.model.grid import GridMap
-from mapcli.model.pose import Pose2D
+from mapcli import GridMap, Pose2D, load_map
+from mapcli.formats.maps.load import dump_map
 from mapcli.pictures.drawing import RED
 
 WORLD, KNOWN, SMALL = (str(FIXTURES / f"{name}.txt") for name in ("fig9_9", "fig9_4", "fig9_10"))

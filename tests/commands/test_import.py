@@ -12,9 +12,8 @@ import pytest
 from conftest import SHARED
 from support.mcap_making import mcap_bytes, mcap_file, odom, scan
 
+from mapcli import Pose2D, open_log
 from mapcli.cli import main
-from mapcli.formats.logs.open_log import open_log
-from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record
 
 DATASETS = SHARED / "datasets"

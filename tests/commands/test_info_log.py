@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from support.mcap_making import S, mcap_bytes, mcap_file, odom, scan, tf_static, transform
 
-from mapcli.algorithms.evaluation.log_check import check_log
+from mapcli import Pose2D, check_log
 from mapcli.cli import main
-from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Odometry, RangeScan, Record
 
 

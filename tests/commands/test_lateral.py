@@ -12,8 +12,8 @@ from conftest import FIXTURES, run
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 
+from mapcli import load_map
 from mapcli.algorithms.slam.log_odds import log_odds_counts
-from mapcli.formats.maps.load import load_map
 
 LOG = FIXTURES / "lateral.mcap"
 STAYS, GOES, WALL = (0.8, 0.5), (1.7, 0.5), (1.2, 1.1)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from conftest import FIXTURES, ROOT, run
 
-from mapcli.formats.documents.perception import load_perception
+from mapcli import load_perception
 from mapcli.formats.documents.perception_writer import dump_perception
 from mapcli.model.perception import (
     LandmarkPerception,

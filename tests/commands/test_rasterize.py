@@ -12,15 +12,11 @@ from conftest import FIXTURES, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mapcli import GridMap, Pose2D, World, load_map, load_world, rasterize, vectorize
 from mapcli.algorithms.maps.polygons import polygons_at, solid_area, world_of_area
-from mapcli.algorithms.maps.rasterize import box_around, covered_shares, empty_map, rasterize
-from mapcli.algorithms.maps.vectorize import vectorize
+from mapcli.algorithms.maps.rasterize import box_around, covered_shares, empty_map
 from mapcli.errors import DataError
-from mapcli.formats.documents.world import load_world, read_world, write_world
-from mapcli.formats.maps.load import load_map
-from mapcli.model.grid import GridMap
-from mapcli.model.pose import Pose2D
-from mapcli.model.world import World
+from mapcli.formats.documents.world import read_world, write_world
 
 FIGURE = FIXTURES / "fig9_1.yaml"
 TRIANGLE = World.of([[[6, 3], [3, 7], [6, 7]]])

@@ -12,17 +12,21 @@ import pytest
 from conftest import run
 from numpy.typing import NDArray
 
-from mapcli.algorithms.maps.rasterize import empty_map, rasterize
-from mapcli.algorithms.maps.rectify_map import rectify_map
-from mapcli.algorithms.maps.rectify_trace import RectifyParameters, rectify_trace
-from mapcli.algorithms.simulation.drive import plan_drive
+from mapcli import (
+    GridMap,
+    Pose2D,
+    World,
+    load_map,
+    plan_drive,
+    rasterize,
+    rectify_map,
+    rectify_trace,
+)
+from mapcli.algorithms.maps.rasterize import empty_map
+from mapcli.algorithms.maps.rectify_trace import RectifyParameters
 from mapcli.errors import DataError
-from mapcli.formats.maps.load import load_map
 from mapcli.formats.maps.text import write_numbers
-from mapcli.model.grid import GridMap
-from mapcli.model.pose import Pose2D
 from mapcli.model.waypoint import Waypoint
-from mapcli.model.world import World
 
 ROOM = [(0, 0), (5, 0), (5, 3), (3, 3), (3, 4.5), (0, 4.5), (0, 0)]
 """Six walls, one corner of which points inwards."""

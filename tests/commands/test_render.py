@@ -12,9 +12,8 @@ import pytest
 from conftest import run
 from PIL import Image
 
+from mapcli import GridMap, Pose2D
 from mapcli.formats.maps.load import dump_map
-from mapcli.model.grid import GridMap
-from mapcli.model.pose import Pose2D
 from mapcli.pictures.drawing import RED
 
 

@@ -15,8 +15,7 @@ import pytest
 from conftest import FIXTURES, modules_loaded_by, run
 from PIL import Image
 
-from mapcli.formats.documents.perception import load_perception
-from mapcli.formats.maps.load import load_map
+from mapcli import load_map, load_perception
 from mapcli.model.perception import GridPerceptions, ScanPerception
 
 CORNER, SCAN, GRIDS = "corner.txt", "corner-scan.yaml", "corner-grids.yaml"

@@ -16,16 +16,14 @@ from conftest import run as run_mapcli
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_typestore
 
-from mapcli.algorithms.simulation.drive import Drive, plan_drive
-from mapcli.algorithms.simulation.sensors import Fault, LaserModel, WheelModel
-from mapcli.algorithms.simulation.simulate import POSE_STEP, START_NS, Simulation, check_clearance
-from mapcli.algorithms.simulation.simulate import simulate as simulated
+from mapcli import GridMap, LaserModel, Pose2D, Simulation, WheelModel, World, plan_drive
+from mapcli import simulate as simulated
+from mapcli.algorithms.simulation.drive import Drive
+from mapcli.algorithms.simulation.sensors import Fault
+from mapcli.algorithms.simulation.simulate import POSE_STEP, START_NS, check_clearance
 from mapcli.errors import DataError
-from mapcli.model.grid import GridMap
-from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Mount, Odometry, RangeScan, TruePose
 from mapcli.model.waypoint import Waypoint
-from mapcli.model.world import World
 
 ROOM = World.of(
     [

@@ -23,14 +23,11 @@ from mcap.reader import make_reader
 from PIL import Image
 from support.replaying import APARTMENT, CORRIDOR, Trace, files, replay, traced, write_log
 
-from mapcli import __version__
+from mapcli import Pose2D, __version__, load_map, open_log
 from mapcli.algorithms.slam.slam import Slam
 from mapcli.cli import main
 from mapcli.commands._replay_outputs import default_folder
-from mapcli.formats.logs.open_log import open_log
 from mapcli.formats.logs.ros import messages as ros
-from mapcli.formats.maps.load import load_map
-from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record
 from mapcli.model.trace import TracedPose
 

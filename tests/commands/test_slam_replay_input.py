@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from support.mcap_making import mcap_file, odom, scan
 from support.replaying import CORRIDOR, FIXTURES, files, replay, traced, write_log
 
+from mapcli import Pose2D, open_log
 from mapcli.algorithms.slam.slam import Slam
-from mapcli.formats.logs.open_log import open_log
-from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record
 
 CORRIDOR_BYTES = Path(CORRIDOR).read_bytes()

@@ -12,8 +12,8 @@ import pytest
 import yaml
 from support.replaying import APARTMENT, CORRIDOR, Trace, files, replay, traced
 
-from mapcli.formats.maps.load import load_map
-from mapcli.model.pose import Pose2D, wrap_angle
+from mapcli import Pose2D, load_map
+from mapcli.model.pose import wrap_angle
 
 CELL = 0.05
 

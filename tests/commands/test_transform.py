@@ -12,12 +12,11 @@ import numpy as np
 import pytest
 from conftest import run
 
-from mapcli.algorithms.maps.transform import bake_yaw, move
+from mapcli import GridMap, Pose2D, load_map, move
+from mapcli.algorithms.maps.transform import bake_yaw
 from mapcli.cli import main
 from mapcli.formats.documents.trace import load_trace_poses
-from mapcli.formats.maps.load import dump_map, load_map
-from mapcli.model.grid import GridMap
-from mapcli.model.pose import Pose2D
+from mapcli.formats.maps.load import dump_map
 
 CELLS = np.array([[1, np.nan, 0, 0], [1, 0, 0, np.nan], [1, 1, 1, np.nan]], dtype=np.float32)
 

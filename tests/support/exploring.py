@@ -8,9 +8,8 @@ import numpy as np
 from conftest import FIXTURES
 from hypothesis import strategies as st
 
-from mapcli.formats.maps.load import load_map
+from mapcli import GridMap, load_map
 from mapcli.model.exploration import Exploration
-from mapcli.model.grid import GridMap
 
 BOOK = {name: load_map(FIXTURES / f"{name}.txt").grid for name in ("fig9_4", "fig9_9", "fig9_10")}
 

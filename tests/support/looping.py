@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from mapcli import Pose2D, World
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import cast, edges_of
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
@@ -17,9 +18,8 @@ from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopParameters
 from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.occupancy_grid import MapParameters
 from mapcli.algorithms.slam.scan_points import thinned
-from mapcli.model.pose import IDENTITY, Pose2D
+from mapcli.model.pose import IDENTITY
 from mapcli.model.scan import Odometry, RangeScan, Record
-from mapcli.model.world import World
 
 MAP = MapParameters()
 BEAMS, REACH = 180, 8.0

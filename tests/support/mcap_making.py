@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
+from mapcli import Pose2D
 from mapcli.formats.logs.ros import messages as ros
-from mapcli.model.pose import Pose2D
 
 S = 10**9
 

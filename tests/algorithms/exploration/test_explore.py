@@ -12,12 +12,11 @@ from hypothesis import strategies as st
 from support.exploring import BOOK, exploration_cases, grid_of, open_cells
 from support.literal_frontier import LiteralFrontier
 
-from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
-from mapcli.algorithms.exploration.explore import contradictions, explore, plan
+from mapcli import ExplorationParameters, GridMap, explore, plan
+from mapcli.algorithms.exploration.explore import contradictions
 from mapcli.errors import DataError
 from mapcli.model.exploration import Exploration, coverage_curve
 from mapcli.model.exploration_replay import ExplorationReplay
-from mapcli.model.grid import GridMap
 
 HALL = GridMap(np.full((12, 12), 0.1, dtype=np.float32), resolution=0.5)
 

@@ -9,10 +9,8 @@ import pytest
 from support.exploring import BOOK, STRATEGIES, as_records, grid_of, open_cells
 from support.literal_frontier import LiteralFrontier
 
-from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
-from mapcli.algorithms.exploration.explore import explore, plan
+from mapcli import ExplorationParameters, GridMap, explore, plan
 from mapcli.model.exploration import Exploration, Step
-from mapcli.model.grid import GridMap
 
 
 def sensed(step: Step) -> list[tuple[Any, ...]]:

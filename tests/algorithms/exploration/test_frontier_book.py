@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from support import book_frontier
 from support.exploring import BOOK, open_cells, worlds
 
-from mapcli.algorithms.exploration.explore import explore
-from mapcli.model.grid import GridMap
+from mapcli import GridMap, explore
 
 LOW = np.float32(0.5)
 

@@ -12,10 +12,8 @@ from hypothesis import strategies as st
 from support.exploring import STRATEGIES, as_records, exploration_cases
 from support.literal_frontier import LiteralFrontier
 
-from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
-from mapcli.algorithms.exploration.explore import explore
+from mapcli import ExplorationParameters, GridMap, explore
 from mapcli.errors import DataError
-from mapcli.model.grid import GridMap
 
 
 def assert_same(case: dict[str, Any], compiled: bool = False, **options: Any) -> int:
