@@ -2,258 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import shlex
-from collections.abc import Callable
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
 import pytest
 from conftest import FIXTURES
 from conftest import run as run_mapcli
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_typestore
 
-from mapcli import GridMap, LaserModel, Pose2D, Simulation, WheelModel, World, plan_drive
-from mapcli import simulate as simulated
-from mapcli.algorithms.simulation.drive import Drive
-from mapcli.algorithms.simulation.sensors import Fault
-from mapcli.algorithms.simulation.simulate import POSE_STEP, START_NS, check_clearance
-from mapcli.errors import DataError
-from mapcli.model.scan import Mount, Odometry, RangeScan, TruePose
-from mapcli.model.waypoint import Waypoint
-
-ROOM = World.of(
-    [
-        [[-1, -1], [6, -1], [6, 0], [-1, 0]],
-        [[-1, 4], [6, 4], [6, 5], [-1, 5]],
-        [[-1, 0], [0, 0], [0, 4], [-1, 4]],
-        [[5, 0], [6, 0], [6, 4], [5, 4]],
-    ]
-)
-EXACT_WHEELS = WheelModel(noise=(0, 0, 0, 0))
-EXACT_LASER = LaserModel(rate=2, beams=8, noise=0)
-
-
-@pytest.fixture(scope="module")
-def drive() -> Drive:
-    path = [Waypoint(1, 1), Waypoint(3, 1), Waypoint(3, 3), Waypoint(3, 1.5, back=True)]
-    return plan_drive(path)
-
-
-def poses_of(simulation: Simulation, kind: type) -> list[Pose2D]:
-    return [record.pose for record in simulation.records() if isinstance(record, kind)]
-
-
-def flat(poses: list[Pose2D]) -> np.ndarray:
-    return np.array([(pose.x, pose.y, pose.theta) for pose in poses])
-
-
-# --- records
-
-
-def test_records_come_in_order_of_stamps(drive: Drive) -> None:
-    simulation = Simulation(ROOM, drive, laser=LaserModel(rate=7, beams=4))
-    records = list(simulation.records())
-    stamps = [record.stamp_ns for record in records]
-    assert stamps == sorted(stamps)
-    assert stamps[0] == START_NS
-    assert [type(record) for record in records[:3]] == [TruePose, Odometry, RangeScan]
-    assert len(records) == simulation.record_count
-    scans = [record.stamp_ns for record in records if isinstance(record, RangeScan)]
-    assert scans[1] - START_NS == round(1e9 / 7)
-    assert stamps[-1] >= START_NS + simulation.duration * 1e9
-
-
-def test_one_verb_plans_checks_and_senses() -> None:
-    waypoints = [Waypoint(1, 2), Waypoint(3, 2)]
-    simulation = simulated(ROOM, waypoints, wheels=EXACT_WHEELS, laser=EXACT_LASER, seed=3)
-    same = Simulation(ROOM, plan_drive(waypoints), EXACT_WHEELS, EXACT_LASER, 3)
-    assert poses_of(simulation, Odometry) == poses_of(same, Odometry)
-    with pytest.raises(DataError, match="expected at least its radius, 5 m"):
-        simulated(ROOM, waypoints, robot_radius=5)
-
-
-def test_exact_wheels_tell_the_truth(drive: Drive) -> None:
-    simulation = Simulation(ROOM, drive, EXACT_WHEELS, EXACT_LASER)
-    true = poses_of(simulation, TruePose)
-    odometry = [true[0].compose(pose) for pose in poses_of(simulation, Odometry)]
-    assert flat(odometry) == pytest.approx(flat(true), abs=2 * POSE_STEP)
-    assert (true[-1].x, true[-1].y) == pytest.approx((3, 1.5), abs=POSE_STEP)
-
-
-def test_the_seed_is_all_there_is(drive: Drive) -> None:
-    def odometry(seed: int) -> np.ndarray:
-        return flat(poses_of(Simulation(ROOM, drive, laser=EXACT_LASER, seed=seed), Odometry))
-
-    assert np.array_equal(odometry(0), odometry(0))
-    assert not np.array_equal(odometry(0), odometry(1))
-
-
-def test_the_laser_does_not_change_the_wheels(drive: Drive) -> None:
-    lasers = LaserModel(rate=1, beams=4), LaserModel(rate=3, beams=7, noise=0.2)
-    one, two = (poses_of(Simulation(ROOM, drive, laser=laser), Odometry) for laser in lasers)
-    assert one == two
-
-
-# --- wheels
-
-
-def test_noise_grows_with_the_root_of_the_distance() -> None:
-    model = WheelModel(noise=(0.1, 0.2, 0.3, 0.4))
-    moved, turned = Pose2D(0.04), Pose2D(theta=-0.09)
-    for motion, x_sigma, theta_sigma in ((moved, 0.06, 0.04), (turned, 0.12, 0.03)):
-        rng = np.random.default_rng(0)
-        errors = flat([model.measured(motion, rng) for _ in range(4000)]) - flat([motion])
-        assert errors.std(axis=0) == pytest.approx([x_sigma, 0, theta_sigma], rel=0.05)
-        assert errors.mean(axis=0) == pytest.approx([0, 0, 0], abs=0.006)
-
-
-def test_systematic_errors() -> None:
-    model = replace(EXACT_WHEELS, scale=1.1, turn_scale=0.9, drift_deg=10)
-    measured = model.measured(Pose2D(0.3, 0.4, 0.5), np.random.default_rng(0))
-    expected = (0.33, 0.44, 0.45 - math.radians(5))
-    assert (measured.x, measured.y, measured.theta) == pytest.approx(expected)
-
-
-def wheels_and_truth(fault: Fault) -> tuple[Simulation, np.ndarray, np.ndarray]:
-    """x of the odometry and of the truth, at 20 Hz, of two metres straight on in 5 s."""
-    straight = plan_drive([Waypoint(1, 2), Waypoint(3, 2)])
-    simulation = Simulation(ROOM, straight, replace(EXACT_WHEELS, faults=(fault,)), EXACT_LASER)
-    odometry, truth = (flat(poses_of(simulation, kind))[:, 0] for kind in (Odometry, TruePose))
-    return simulation, odometry, truth - 1
-
-
-def test_reversed_sign() -> None:
-    simulation, odometry, truth = wheels_and_truth(Fault("reverse-sign", 2, 3))
-    assert simulation.duration == pytest.approx(5)
-    assert odometry[40] == pytest.approx(truth[40], abs=1e-5)  # 2 s
-    assert truth[60] - truth[40] == pytest.approx(0.5, abs=1e-5)
-    assert odometry[60] - odometry[40] == pytest.approx(-0.5, abs=1e-5)
-    assert odometry[-1] == pytest.approx(1.0, abs=1e-5)
-
-
-def test_frozen_wheels() -> None:
-    _, odometry, truth = wheels_and_truth(Fault("freeze", 2, 3))
-    assert odometry[40] == odometry[60]
-    assert odometry[-1] == pytest.approx(truth[-1] - 0.5, abs=1e-5)
-
-
-def test_slipping_wheels() -> None:
-    simulation, odometry, truth = wheels_and_truth(Fault("slip", 2, 3))
-    assert simulation.duration == pytest.approx(6)
-    assert simulation.arrivals() == pytest.approx([0, 6])
-    assert truth[40] == truth[60]
-    assert odometry[60] - odometry[40] == pytest.approx(0.5, abs=1e-5)
-    assert truth[-1] == pytest.approx(2.0, abs=1e-5)
-
-
-def test_a_fault_after_the_end_is_refused(drive: Drive) -> None:
-    wheels = WheelModel(faults=(Fault("slip", 99, 100),))
-    with pytest.raises(DataError, match="slip begins at 99 s; expected a time before the end"):
-        Simulation(ROOM, drive, wheels)
-
-
-# --- laser
-
-
-def test_ranges_by_hand() -> None:
-    model = LaserModel(beams=4, noise=0, range_min=1.5, range_max=3.5)
-    scan = model.scan(simulation_edges(), Pose2D(1, 3), 7, np.random.default_rng(0))
-    # Behind 1 m (too close), to the right 3 m, ahead 4 m (too far), to the left 1 m.
-    assert scan.ranges.tolist() == [-math.inf, 3.0, math.inf, -math.inf]
-    assert scan.stamp_ns == 7
-    assert np.degrees(scan.bearings()) == pytest.approx([-180, -90, 0, 90])
-    assert (scan.range_min, scan.range_max) == (1.5, 3.5)
-
-
-def simulation_edges() -> np.ndarray:
-    return Simulation(ROOM, plan_drive([Waypoint(1, 1), Waypoint(2, 1)])).edges
-
-
-def test_half_a_turn_has_beams_at_both_ends() -> None:
-    scan = LaserModel(beams=181, fov_deg=180).scan(
-        simulation_edges(), Pose2D(1, 1), 0, np.random.default_rng(0)
-    )
-    assert np.degrees(scan.bearings()[[0, 90, 180]]) == pytest.approx([-90, 0, 90])
-
-
-def test_points_lie_on_the_walls_wherever_the_laser_sits() -> None:
-    mount = Mount(Pose2D(0.2, -0.1, 0.5))
-    robot = Pose2D(2, 2, 1.0)
-    scan = LaserModel(noise=0, mount=mount).scan(
-        simulation_edges(), robot, 0, np.random.default_rng(0)
-    )
-    x, y = robot.apply(scan.points()).T
-    gap = np.min([np.abs(x), np.abs(x - 5), np.abs(y), np.abs(y - 4)], axis=0)
-    assert gap.max() < 0.001
-    assert len(gap) == 360
-
-
-def test_range_noise_and_dropout() -> None:
-    model = LaserModel(beams=2000, noise=0.05, dropout=0.25)
-    noisy = model.scan(simulation_edges(), Pose2D(2, 2), 0, np.random.default_rng(0))
-    exact = replace(model, noise=0, dropout=0).scan(
-        simulation_edges(), Pose2D(2, 2), 0, np.random.default_rng(0)
-    )
-    errors = noisy.ranges - exact.ranges
-    assert np.isnan(errors).mean() == pytest.approx(0.25, abs=0.03)
-    assert np.nanstd(errors) == pytest.approx(0.05, rel=0.1)
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: LaserModel(rate=0), "rate is 0; expected more than 0"),
-        (lambda: LaserModel(beams=0), "beams is 0"),
-        (lambda: LaserModel(beams=10**18), "beams is 1000000000000000000; expected at most"),
-        (lambda: LaserModel(fov_deg=361), "fov_deg is 361; expected degrees, up to 360"),
-        (lambda: LaserModel(range_max=math.inf), "range_max is inf"),
-        (lambda: LaserModel(range_min=13), "range_min is 13; expected less than range_max"),
-        (lambda: LaserModel(noise=-1), "noise is -1"),
-        (lambda: LaserModel(dropout=1), "dropout is 1; expected a share"),
-        (lambda: WheelModel(rate=-1), "rate is -1"),
-        (lambda: WheelModel(scale=0), "scale is 0"),
-        (lambda: WheelModel(drift_deg=math.nan), "drift_deg is nan"),
-        (lambda: WheelModel(noise=(0, 0, -1, 0)), "noise (0, 0, -1, 0); expected four"),
-        (
-            lambda: WheelModel(faults=(Fault("slip", 3, 5), Fault("freeze", 2, 4))),
-            "faults overlap at 3 s",
-        ),
-        (lambda: Fault("slip", 3, 3), "fault from 3 to 3 s; expected an end after its begin"),
-        (lambda: Fault("sleep", 1, 2), "fault 'sleep'; expected reverse-sign or slip or freeze"),
-    ],
-)
-def test_sensors_are_checked(make: Callable[[], object], message: str) -> None:
-    with pytest.raises(DataError) as error:
-        make()
-    assert message in str(error.value)
-
-
-# --- bumping into things
-
-
-def test_a_drive_that_keeps_clear(drive: Drive) -> None:
-    check_clearance(ROOM, drive, 0.9)
-    with pytest.raises(DataError, match=r"waypoint 2, the robot is 1\.00 m from .* 1\.01 m"):
-        check_clearance(ROOM, drive, 1.01)
-
-
-def test_a_drive_through_a_wall_names_the_waypoint() -> None:
-    through = plan_drive([Waypoint(1, 1), Waypoint(3, 1), Waypoint(3, 5.5)])
-    with pytest.raises(DataError, match="on the way to waypoint 3, the robot is"):
-        check_clearance(ROOM, through)
-
-
-def test_a_start_in_an_obstacle() -> None:
-    grid = GridMap(np.array([[0, 0, 0], [0, 1, 1], [0, 1, 1]], dtype=np.float32), 5.0)
-    with pytest.raises(DataError, match=r"waypoint 1 \(10, 5\) lies in an obstacle"):
-        check_clearance(grid, plan_drive([Waypoint(10, 5), Waypoint(10, 6)]))
-
-
-# --- the command
+from mapcli.algorithms.simulation.simulate import POSE_STEP
 
 
 def run(*arguments: object) -> int:
@@ -266,6 +25,8 @@ def messages(file: Path) -> list[tuple[str, int, bytes]]:
 
 
 CORRIDOR = FIXTURES / "corridor.yaml", "--path", FIXTURES / "corridor-path.txt"
+
+
 FAST = "--odom-rate", 4, "--scan-rate", 1, "--beams", 12
 
 
@@ -308,15 +69,6 @@ def test_what_is_in_the_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     true = store.deserialize_cdr(data["/ground_truth"], "geometry_msgs/msg/PoseStamped")
     assert (true.pose.position.x, true.pose.position.y) == pytest.approx((0.8, 0.9), abs=POSE_STEP)
     assert true.header.stamp.sec == 1_600_000_000
-
-
-def test_the_apartment_fixture_is_as_promised() -> None:
-    file = FIXTURES / "apartment.mcap"
-    assert file.stat().st_size <= 600_000
-    with file.open("rb") as stream:
-        statistics = make_reader(stream).get_summary().statistics
-    seconds = (statistics.message_end_time - statistics.message_start_time) / 1e9
-    assert 60 <= seconds <= 120
 
 
 def test_quiet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from mapcli.algorithms.exploration.frontier_cells import frontier_cells
+from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
+from mapcli.model.trajectory import Trajectory
 from mapcli.pictures.book_figure import OBSTACLE, ROBOT, probability_label
 from mapcli.pictures.drawing import (
     INK,
@@ -26,12 +28,14 @@ from mapcli.pictures.drawing import (
 )
 from mapcli.pictures.floor_plan import Marker, duration
 from mapcli.pictures.map_picture import (
+    BOOK_SIDE,
     book_image,
     book_picture,
     cells_passed,
     floor_plan,
     map_pixels,
     plan_image,
+    render,
     window_of,
 )
 from mapcli.pictures.map_window import LARGEST_SIDE
@@ -157,6 +161,18 @@ def test_pictures_are_deterministic_png_files() -> None:
     assert first == second
     assert Image.open(io.BytesIO(first)).format == "PNG"
     assert book_picture(GridMap(LEVELS)) == book_picture(GridMap(LEVELS))
+
+
+def test_render_takes_the_books_look_for_small_maps_and_with_labels() -> None:
+    small, large = GridMap(LEVELS), GridMap(np.zeros((BOOK_SIDE + 1, 3)))
+    assert render(small, robots=[(0, 0)]) == book_picture(small, labels=False, robots=[(0, 0)])
+    assert render(large, title="t") == floor_plan(large, title="t")
+    assert render(large, labels=True) == book_picture(large)
+    trajectory = Trajectory(np.array([[0.5, 0.5, 0], [2.5, 9.5, 1]]), np.array([0, 10**9]))
+    path = RobotPath(trajectory.poses[:, :2], np.array([0.0, 1.0]), trajectory.poses[:, 2])
+    assert render(large, trajectory=trajectory) == floor_plan(large, path=path)
+    with pytest.raises(DataError, match="robot at 9,9; expected a cell of"):
+        render(small, robots=[(9, 9)])
 
 
 def test_a_path_far_away_is_bounded() -> None:

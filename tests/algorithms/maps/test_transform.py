@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from mapcli.algorithms.maps.registration import register
+from mapcli.algorithms.maps.registration import merge_maps, register
 from mapcli.algorithms.maps.transform import (
     CellFrame,
+    align_walls,
     bake_yaw,
     crop_to_box,
     flip,
@@ -45,6 +46,28 @@ MAPS = st.builds(
     PERCENTS, st.booleans(), st.sampled_from([0.05, 0.1, 1.0]), PLACES,
 )  # fmt: skip
 QUARTERS = st.sampled_from([-270, -180, -90, 0, 90, 180, 270, 360])
+
+
+def test_align_walls_says_by_how_much_they_were_turned() -> None:
+    turned, _ = rotate(room(), math.radians(20))
+    aligned = align_walls(turned)
+    assert math.degrees(aligned.walls) == pytest.approx(20, abs=0.2)
+    assert aligned.grid.origin.theta == 0
+    assert wall_direction(aligned.grid) == pytest.approx(0, abs=math.radians(0.2))
+    assert aligned.motion.pose.theta == -aligned.walls
+
+
+def test_merging_by_a_given_motion_and_by_a_search() -> None:
+    grid = room()
+    motion = Pose2D(0.5, -0.25)
+    other, _ = move(grid, motion.inverse())
+    given = merge_maps(grid, other, motion)
+    assert given.registration.score == 1
+    assert given.registration.is_reliable
+    found = merge_maps(grid, other)
+    assert found.registration.motion.distance(motion) < 0.02
+    assert found.grid.cells.shape == given.grid.cells.shape
+    assert not merge_maps(grid, other, Pose2D(1, 1, 0.7)).registration.is_reliable
 
 
 def centres(grid: GridMap) -> np.ndarray:
