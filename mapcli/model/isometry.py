@@ -1,4 +1,4 @@
-"""Motions of the plane that keep lengths, a mirror among them."""
+"""Isometries of the plane: rigid motions, with or without a reflection."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Isometry:
         return self.pose.apply(points * (1.0, -1.0) if self.mirrored else points)
 
     def apply_pose(self, pose: Pose2D) -> Pose2D:
-        """A robot, and where it looks."""
+        """The pose after the isometry; a reflection turns the sign of its heading."""
         turned = _mirror(pose) if self.mirrored else pose
         return self.pose.compose(turned)
 
     def after(self, first: Isometry) -> Isometry:
-        """`first`, then this."""
+        """The composition: `first`, then this."""
         inner = _mirror(first.pose) if self.mirrored else first.pose
         return Isometry(self.pose.compose(inner), self.mirrored != first.mirrored)
 

@@ -39,8 +39,8 @@ class RectifiedTrace:
         walls: in the order of the drive.
         corners: ends of the walls, shape (walls + 1, 2).
         is_loop: whether the end was brought to the start.
-        gap_before, gap_square, gap_after: metres from the end to the start: in the trace, with
-            straight walls and right angles, with the lengths adjusted.
+        gap_before, gap_square, gap_after: closing error of the loop, metres from the end to the
+            start: in the trace, with straight walls and right angles, with the lengths adjusted.
     """
 
     poses: Floats

@@ -33,10 +33,13 @@ LINE = (150, 154, 160)
 ROBOT = (120, 172, 236)
 
 USUAL_SIDE = 1200
+"""Pixels of the picture's longer side, where the size of a cell allows it."""
+
 SMALLEST_CELL, LARGEST_CELL = 12, 72
 SMALLEST_LABELLED_CELL = 26
+"""Pixels of a cell."""
 
-_STEPS = {(-1, 0): (0, 0, 1, 0), (1, 0): (0, 1, 1, 1), (0, -1): (0, 0, 0, 1), (0, 1): (1, 0, 1, 1)}
+_EDGES = {(-1, 0): (0, 0, 1, 0), (1, 0): (0, 1, 1, 1), (0, -1): (0, 0, 0, 1), (0, 1): (1, 0, 1, 1)}
 """Neighbour (row, column) -> the edge shared with it: x0, y0, x1, y1 in cells."""
 
 
@@ -156,7 +159,7 @@ def _mark_frontier(
     count = 5 if size >= 20 else 3
     unknown = ~grid.known
     for row, column in np.argwhere(frontier):
-        for (down, right), (x0, y0, x1, y1) in _STEPS.items():
+        for (down, right), (x0, y0, x1, y1) in _EDGES.items():
             if (
                 not grid.contains(row + down, column + right)
                 or not unknown[row + down, column + right]

@@ -48,11 +48,11 @@ class SelfCheckParameters:
     Attributes:
         near_m: positions of a pair are at most so far from each other in the trace, metres.
         apart_m: between them the robot drove at least so far.
-        most: pairs, spread over the log.
+        most: pairs, at even intervals over the log.
         window_m, window_deg: half-widths of the search around the trace's relative pose.
-        agreement: of the one scan with the other where both look, 0 to 1, at least.
-        shared: of the points of each scan, the share that falls where the other looked, at least.
-        reverse_m, reverse_deg: how far the two ways to align a pair may differ.
+        agreement: least agreement of the one scan with the map of the other, 0 to 1.
+        shared: least share of the points of a scan that lie in known cells of the other's map.
+        reverse_m, reverse_deg: largest difference of the two directions of matching.
         slide_m: the agreement must fall by `slide_loss` when a scan is shifted so far in any
             direction; in a corridor, an unconstrained direction, it does not.
     """
@@ -200,7 +200,7 @@ def align_scans(
         return None
     grid = OccupancyGrid(MAP)
     grid.integrate(Pose2D(), replace(base, hits=densified(base.hits, MAP.resolution)))
-    # No prior: the guess is where to look, not what to believe.
+    # No prior: the guess is only the centre of the search window.
     search = MatchParameters(
         window_xy=p.window_m, window_theta_deg=p.window_deg, odometry_prior=0.0, relocalise=False
     )

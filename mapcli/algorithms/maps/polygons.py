@@ -1,4 +1,4 @@
-"""Continuous maps computed with (Sect. 9.1): polygons as areas, and what lies at a point."""
+"""Areas of the polygons of continuous maps (Sect. 9.1), and the polygons at a point."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def polygon_areas(world: World) -> list[Area]:
 
 
 def _fault(reason: str) -> str | None:
-    """What shapely says is wrong with a polygon, "Self-intersection[1 1]", as a sentence."""
+    """Shapely's reason why a polygon is invalid, "Self-intersection[1 1]", as a sentence."""
     what, _, place = reason.partition("[")
     if what == "Valid Geometry":
         return None

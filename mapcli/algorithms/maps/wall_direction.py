@@ -15,7 +15,7 @@ OCCUPIED_THRESHOLD = 0.5
 """Known cells are occupied from this probability on."""
 
 _MOST_CELLS = 40_000
-"""Wall cells that are looked at; of more, some are left out at even intervals."""
+"""Occupied cells that are used; of more, some are left out at even intervals."""
 
 _FEWEST_CELLS = 10
 """Fewer occupied cells have no direction."""

@@ -181,7 +181,7 @@ def mower_log(plan: MowingPlan, run: MowingRun, rate: float) -> Iterator[Record]
     poses = accumulate(steps, Pose2D.compose, initial=Pose2D())
     ahead = np.diff(run.path, axis=0, append=run.path[-1:])
     for k, (odometry, (x, y), (dx, dy)) in enumerate(zip(poses, run.path, ahead, strict=True)):
-        # On the spot the path does not say where the robot looks; it then looks on as before.
+        # The path has no heading where the robot turns on the spot; it then keeps the last one.
         heading = math.atan2(dy, dx) if math.hypot(dx, dy) > 1e-6 else heading
         stamp = START_NS + round(k / rate * 1e9)
         yield TruePose(stamp, Pose2D(float(x), float(y), heading))

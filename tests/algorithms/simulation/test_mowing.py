@@ -35,7 +35,7 @@ from mapcli.model.world import World
 
 LAWN = World.of([[[0, 0], [4, 0], [4, 2], [0, 2]]])
 EXACT = WheelModel(noise=(0, 0, 0, 0))
-USUAL = np.array([0.02, 0.02, 0.02, 0.005])
+NOISE = np.array([0.02, 0.02, 0.02, 0.005])
 
 
 # --- the plan
@@ -54,7 +54,7 @@ def test_upright_lawn_and_station() -> None:
     assert plan.waypoints[1:-1].tolist() == [[0.5, 0.5], [0.5, 3.5], [1.5, 3.5], [1.5, 0.5]]
 
 
-def test_landmarks_lie_on_the_way() -> None:
+def test_landmarks_lie_on_the_path() -> None:
     plan = plan_mowing(LAWN, 1.0, 4)
     assert plan.marks.tolist() == [[1.5, 0.5], [3.5, 0.5], [2.5, 1.5], [0.5, 1.5]]
     assert plan.largest_mark == 1
@@ -111,7 +111,7 @@ def test_the_covariance_is_that_of_many_runs() -> None:
     poses, covariance, heading = np.zeros((count, 3)), np.zeros((3, 3)), 0.0
     for _ in range(steps):
         way, turn = 0.1, 0.02
-        predict_covariance(covariance, heading + turn / 2, way, turn, USUAL)
+        predict_covariance(covariance, heading + turn / 2, way, turn, NOISE)
         heading += turn
         ways = way + math.sqrt(0.02**2 * way + 0.005**2 * turn) * rng.standard_normal(count)
         turns = turn + math.sqrt(0.02**2 * (way + turn)) * rng.standard_normal(count)
@@ -146,7 +146,7 @@ def test_far_out_and_narrow_bounds_give_their_nearest_point() -> None:
 def test_a_mark_corrects_position_and_heading() -> None:
     covariance = np.zeros((3, 3))
     for _ in range(200):  # 5 m east
-        predict_covariance(covariance, 0.0, 0.025, 0.0, USUAL)
+        predict_covariance(covariance, 0.0, 0.025, 0.0, NOISE)
     estimate = np.array([5.0, 0.0, 0.0])
     before = covariance.copy()
     correct(estimate, covariance, np.array([5.15, 0.3]), 0.2, 0.025)
@@ -169,12 +169,12 @@ def test_marks_under_a_robot() -> None:
 def test_compiled_and_plain_runs_are_the_same() -> None:
     plan = plan_mowing(LAWN, 1.0, 4)
     normals = np.random.default_rng(2).standard_normal((600, 2))
-    wheels = WheelErrors(USUAL, 1.0, 1.0, 0.0)
+    wheels = WheelErrors(NOISE, 1.0, 1.0, 0.0)
     results = []
     for function in (mow_once, mow_once.py_func):
         record = RunRecord(np.zeros((600, 2)), np.zeros((600, 2)), np.zeros(4, dtype=np.int64))
         lawn = Lawn(plan.waypoints, plan.marks, 0.3)
-        count = function(lawn, Step(0.05, 0.1), wheels, USUAL, normals, record)
+        count = function(lawn, Step(0.05, 0.1), wheels, NOISE, normals, record)
         results.append((count, record.path[:count], record.seen.tolist()))
     assert results[0][0] == results[1][0] < 600
     assert results[0][2] == results[1][2]
