@@ -23,8 +23,18 @@ PICTURE = Path(__file__).with_name("architecture.png")
 APART = "formats", "algorithms"
 """Folders whose folders are rooms of their own."""
 
-UNDER_ALL = "errors", "startup", "version", "cli", "__main__"
-"""Modules that belong to no room: everybody may import `errors`, nobody `cli`."""
+SHARED_BY_ALL = "errors", "startup", "version", "cli", "__main__", "algorithms.compiling"
+"""Modules that belong to no room: all may import the first four and the last, nobody `cli`."""
+
+COLUMNS = {
+    "commands": 2.0, "verbs": 2.0,
+    "algorithms.exploration": 0.0, "algorithms.evaluation": 1.0, "algorithms.slam": 1.0,
+    "algorithms.similarity": 1.0, "algorithms.scans": 1.0,
+    "algorithms.simulation": 2.0, "algorithms.maps": 2.0,
+    "pictures": 3.5, "formats.documents": 3.5, "formats.maps": 3.0, "formats.logs": 4.0,
+    "formats": 3.5, "model": 2.0,
+}  # fmt: skip
+"""From left to right, so that few arrows cross; the floors follow from the imports."""
 
 WIDTH, BOX_WIDTH, BOX_HEIGHT, FLOOR_HEIGHT, MARGIN = 1680, 250, 118, 190, 30
 INK, PAPER, BORDER, ARROW = (30, 30, 34), (255, 255, 255), (90, 100, 120), (110, 125, 150)
@@ -42,11 +52,13 @@ class Room(NamedTuple):
 
 
 def room_of(module: str) -> str | None:
-    """`mapcli.formats.logs.ros.decode` -> `formats.logs`; None for what is under all."""
+    """`mapcli.formats.logs.ros.decode` -> `formats.logs`; None for what all share."""
     parts = module.split(".")[1:]
     if not parts:
         return "verbs"
-    if parts[0] in UNDER_ALL:
+    if ".".join(parts) in SHARED_BY_ALL:
+        return None
+    if parts == ["algorithms"]:
         return None
     inner = parts[:2] if parts[0] in APART and (PACKAGE / Path(*parts[:2])).is_dir() else parts[:1]
     return ".".join(inner)
@@ -70,6 +82,13 @@ def imported(file: Path) -> Iterable[str]:
                 yield inner if is_module else node.module
 
 
+def verbs() -> Iterable[str]:
+    """The modules that `mapcli/__init__.py` imports from when a verb is first used."""
+    for node in ast.walk(ast.parse((PACKAGE / "__init__.py").read_text())):
+        if isinstance(node, ast.Dict):
+            yield from (value.value for value in node.values if isinstance(value, ast.Constant))
+
+
 def read_package() -> tuple[dict[str, Room], dict[str, set[str]]]:
     """The rooms by name, and for each the rooms that it imports from."""
     files: dict[str, list[Path]] = {}
@@ -81,6 +100,8 @@ def read_package() -> tuple[dict[str, Room], dict[str, set[str]]]:
         files.setdefault(room, []).append(file)
         names = (name for name in imported(file) if name.split(".")[0] == "mapcli")
         uses.setdefault(room, set()).update(other for name in names if (other := room_of(name)))
+    uses["verbs"] |= {room for home in verbs() if (room := room_of(home))}
+    uses["commands"].add("verbs")
     rooms = {}
     for name, own in files.items():
         head = PACKAGE / ("" if name == "verbs" else name.replace(".", "/")) / "__init__.py"
@@ -103,34 +124,29 @@ def reduced(uses: dict[str, set[str]]) -> dict[str, set[str]]:
     }
 
 
-def floors(uses: dict[str, set[str]]) -> list[list[str]]:
-    """Rooms by the length of the longest way down from them, the lowest floor first."""
+def floors(uses: dict[str, set[str]]) -> dict[str, int]:
+    """The floor of each room, counted from the top: one below the lowest that imports from it."""
 
-    def height(name: str) -> int:
-        return 1 + max((height(other) for other in uses[name]), default=-1)
+    def depth(name: str) -> int:
+        above = (other for other, imports in uses.items() if name in imports)
+        return 1 + max((depth(other) for other in above), default=-1)
 
-    by_height: dict[int, list[str]] = {}
-    for name in sorted(uses):
-        by_height.setdefault(height(name), []).append(name)
-    return [by_height[key] for key in sorted(by_height)]
+    return {name: depth(name) for name in uses}
 
 
-def places(storeys: list[list[str]]) -> dict[str, tuple[int, int]]:
+def places(uses: dict[str, set[str]]) -> dict[str, tuple[int, int]]:
     """The top left corner of each box."""
-    found = {}
-    for level, names in enumerate(reversed(storeys)):
-        gap = (WIDTH - len(names) * BOX_WIDTH) / (len(names) + 1)
-        for k, name in enumerate(names):
-            left = round(gap + k * (BOX_WIDTH + gap))
-            found[name] = left, MARGIN + level * FLOOR_HEIGHT
-    return found
+    step = (WIDTH - 2 * MARGIN - BOX_WIDTH) / max(COLUMNS.values())
+    return {
+        name: (MARGIN + round(COLUMNS[name] * step), MARGIN + floor * FLOOR_HEIGHT)
+        for name, floor in floors(uses).items()
+    }
 
 
 def draw(rooms: dict[str, Room], uses: dict[str, set[str]]) -> Image.Image:
     """The picture."""
-    storeys = floors(uses)
-    at = places(storeys)
-    height = 2 * MARGIN + (len(storeys) - 1) * FLOOR_HEIGHT + BOX_HEIGHT
+    at = places(uses)
+    height = max(y for _, y in at.values()) + BOX_HEIGHT + MARGIN
     image = Image.new("RGB", (WIDTH, height), PAPER)
     pen = ImageDraw.Draw(image)
     for name, others in reduced(uses).items():
@@ -157,9 +173,9 @@ def draw_box(pen: ImageDraw.ImageDraw, place: tuple[int, int], room: Room) -> No
     pen.rounded_rectangle((x, y, x + BOX_WIDTH, y + BOX_HEIGHT), 8, colour, BORDER, 2)
     title = "mapcli (the verbs)" if room.name == "verbs" else room.name.replace(".", "/")
     pen.text((x + 12, y + 8), title, INK, ImageFont.load_default(19))
-    size = f"{room.modules} modules, {room.lines:,} lines"
+    size = f"{room.modules} module{'s' * (room.modules > 1)}, {room.lines:,} lines"
     pen.text((x + 12, y + 33), size, BORDER, ImageFont.load_default(13))
-    for k, line in enumerate(textwrap.wrap(room.text, 38)[:4]):
+    for k, line in enumerate(textwrap.wrap(room.text.replace("`", ""), 34)[:4]):
         pen.text((x + 12, y + 53 + 15 * k), line, INK, ImageFont.load_default(13))
 
 
