@@ -27,7 +27,7 @@ import numpy as np
 from data import find_maps
 
 from mapcli import ExplorationParameters, GridMap, SaveOptions, explore, load_map
-from mapcli.formats.maps.dump import dump_map
+from mapcli.formats.maps.save import dump_map
 from mapcli.model.exploration_replay import ExplorationReplay
 
 FIXTURES = Path(__file__).parent.parent / "fixtures"

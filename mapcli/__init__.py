@@ -54,14 +54,14 @@ if TYPE_CHECKING:  # what type checkers and editors see; a test compares it with
     from mapcli.algorithms.slam.replay import replay as replay
     from mapcli.algorithms.slam.slam import SlamParameters as SlamParameters
     from mapcli.formats.documents.load_trajectory import load_trajectory as load_trajectory
-    from mapcli.formats.documents.perception import load_perception as load_perception
+    from mapcli.formats.documents.perception_reader import load_perception as load_perception
     from mapcli.formats.documents.relations import load_relations as load_relations
     from mapcli.formats.documents.waypoints import load_waypoints as load_waypoints
     from mapcli.formats.documents.world import load_world as load_world
     from mapcli.formats.logs.mcap.writer import save_log as save_log
     from mapcli.formats.logs.open_log import open_log as open_log
-    from mapcli.formats.maps.dump import SaveOptions as SaveOptions
     from mapcli.formats.maps.load import load_map as load_map
+    from mapcli.formats.maps.save import SaveOptions as SaveOptions
     from mapcli.formats.maps.save import save_map as save_map
     from mapcli.model.grid import GridMap as GridMap
     from mapcli.model.log import LogOptions as LogOptions
@@ -102,7 +102,7 @@ HOMES = {
     "plan": "mapcli.algorithms.exploration.explore",
     "frontier_cells": "mapcli.algorithms.exploration.frontier_cells",
     # Sect. 9.5 and 9.6: similarity of perceptions
-    "load_perception": "mapcli.formats.documents.perception",
+    "load_perception": "mapcli.formats.documents.perception_reader",
     # Simulated robots
     "load_world": "mapcli.formats.documents.world",
     "load_waypoints": "mapcli.formats.documents.waypoints",
@@ -115,7 +115,7 @@ HOMES = {
     "Pose2D": "mapcli.model.pose",
     "World": "mapcli.model.world",
     "LogOptions": "mapcli.model.log",
-    "SaveOptions": "mapcli.formats.maps.dump",
+    "SaveOptions": "mapcli.formats.maps.save",
     "SlamParameters": "mapcli.algorithms.slam.slam",
     "EvaluateParameters": "mapcli.algorithms.evaluation.trajectory_error",
     "ExplorationParameters": "mapcli.algorithms.exploration.exploration_parameters",

@@ -152,7 +152,7 @@ def contents(
 
 def map_files(file: str, grid: GridMap) -> dict[str, bytes]:
     """The map's files. An image keeps whole percents when there are other cells than 0 and 1."""
-    from mapcli.formats.maps.dump import SaveOptions, dump_map
+    from mapcli.formats.maps.save import SaveOptions, dump_map
 
     graded = bool(((grid.cells > 0) & (grid.cells < 1)).any())
     options = SaveOptions("scale" if graded else "trinary", format="txt" if file == "-" else None)
@@ -166,6 +166,6 @@ def curve_content(file: str, runs: Runs) -> bytes:
         from mapcli.pictures.coverage_plot import coverage_plot
 
         return coverage_plot(curves)
-    from mapcli.formats.documents.exploration_curve import write_curve_csv
+    from mapcli.formats.documents.coverage_curve import write_curve_csv
 
     return write_curve_csv(curves)

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mapcli.commands._options import NumberList, PoseType
+from mapcli.formats.input import read_file
 from mapcli.formats.maps.dialects import Dialect
-from mapcli.formats.maps.load import LoadedMap, load_map, read_file
+from mapcli.formats.maps.load import LoadedMap, load_map
 from mapcli.model.grid import GridMap, crop_to_known
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import Pose2D

@@ -9,8 +9,7 @@ from typing import Any
 import click
 
 from mapcli.errors import DataError, OutputError
-from mapcli.formats.maps.dump import SUFFIXES, Pieces, SaveOptions, map_files
-from mapcli.formats.maps.save import save_map
+from mapcli.formats.maps.save import SUFFIXES, Pieces, SaveOptions, map_files, save_map
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 

@@ -11,8 +11,9 @@ import numpy as np
 
 from mapcli.commands._world_report import Points, cell_at, cell_line
 from mapcli.formats.documents.json_document import document
+from mapcli.formats.input import read_file
 from mapcli.formats.maps.dialects import Dialect
-from mapcli.formats.maps.load import LoadedMap, load_map, read_file
+from mapcli.formats.maps.load import LoadedMap, load_map
 
 OCCUPIED_THRESHOLD = 0.5
 """Cells from this probability on count as occupied, as in `--low` of the other commands."""

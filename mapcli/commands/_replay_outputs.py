@@ -12,8 +12,7 @@ import click
 from mapcli.algorithms.slam.replay import Replayed
 from mapcli.commands._output import check_outputs
 from mapcli.formats.documents.trajectory_text import WRITERS, dump_trajectory
-from mapcli.formats.maps.dump import SUFFIXES, SaveOptions
-from mapcli.formats.maps.save import save_map
+from mapcli.formats.maps.save import SUFFIXES, SaveOptions, save_map
 from mapcli.formats.output import output_file, write_bytes
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
@@ -123,7 +122,7 @@ def _write_json(
     name: str, trace: PoseTrace, head: Mapping[str, Any], summary: ReplaySummary, no_clobber: bool
 ) -> None:
     from mapcli.formats.documents.json_document import json_bytes
-    from mapcli.formats.documents.trace import trace_document
+    from mapcli.formats.documents.pose_trace import trace_document
 
     content = trace_document(trace, head["inputs"], head["parameters"], summary.document())
     write_bytes(name, json_bytes(content), no_clobber=no_clobber)
@@ -134,7 +133,7 @@ def _write_trace(name: str, trace: PoseTrace, no_clobber: bool) -> None:
 
 
 def _write_mcap(name: str, grid: GridMap, trace: PoseTrace, no_clobber: bool) -> None:
-    from mapcli.formats.logs.mcap.result import write_result
+    from mapcli.formats.logs.mcap.replay_writer import write_result
 
     with output_file(name, no_clobber=no_clobber) as file:
         write_result(file, grid, trace)

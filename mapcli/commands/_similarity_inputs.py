@@ -25,8 +25,10 @@ from mapcli.algorithms.similarity.measures import Similarity
 from mapcli.algorithms.similarity.perception_map import PerceptionMap
 from mapcli.algorithms.similarity.readings_table import database_table, landmark_table
 from mapcli.errors import FormatError
-from mapcli.formats.documents.perception import read_perception
-from mapcli.formats.maps.load import SUFFIXES, load_map, read_file, sniff
+from mapcli.formats.documents.perception_reader import read_perception
+from mapcli.formats.input import read_file
+from mapcli.formats.maps.load import load_map, sniff
+from mapcli.formats.maps.save import SUFFIXES
 from mapcli.model.grid import GridMap
 from mapcli.model.perception import (
     GridPerceptions,

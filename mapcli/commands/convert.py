@@ -9,8 +9,8 @@ import click
 from mapcli.commands._map_output import DEFAULTS, loss_notes, save_options, write_map
 from mapcli.commands._options import FILE, POSE, Number, common_options, no_clobber_option
 from mapcli.formats.maps.dialects import DIALECTS
-from mapcli.formats.maps.dump import FORMATS
-from mapcli.formats.maps.grey import MODES
+from mapcli.formats.maps.map_image import MODES
+from mapcli.formats.maps.save import FORMATS
 from mapcli.model.pose import Pose2D
 
 SHARE = Number(0, 1)

@@ -18,7 +18,7 @@ from mapcli.commands._options import (
 )
 from mapcli.commands._output import check_outputs
 from mapcli.errors import DataError
-from mapcli.formats.maps.dump import SUFFIXES, SaveOptions, dump_map
+from mapcli.formats.maps.save import SUFFIXES, SaveOptions, dump_map
 from mapcli.formats.output import write_beside, write_bytes
 from mapcli.model.grid import GridMap
 from mapcli.model.memory import Memory

@@ -13,7 +13,7 @@ from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, POSITIVE, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs
 from mapcli.errors import DataError
-from mapcli.formats.maps.dump import SUFFIXES, SaveOptions, dump_map
+from mapcli.formats.maps.save import SUFFIXES, SaveOptions, dump_map
 from mapcli.formats.output import write_beside, write_bytes
 from mapcli.model.counting import counted
 
@@ -108,7 +108,7 @@ def _trace(
     loop: bool | None, no_clobber: bool, verbose: bool,
 ) -> list[tuple[str, str]]:  # fmt: skip
     from mapcli.algorithms.maps.rectify_trace import RectifyParameters, rectify_trace
-    from mapcli.formats.documents.trace import load_trace_poses
+    from mapcli.formats.documents.pose_trace import load_trace_poses
 
     before = load_trace_poses(source)
     result = rectify_trace(before.poses, RectifyParameters(tolerance, shortest, loop))
@@ -128,7 +128,7 @@ def _dump_trace(
 ) -> bytes:
     from mapcli.algorithms.maps.rectify_trace import rectified_trace
     from mapcli.formats.documents.json_document import json_bytes
-    from mapcli.formats.documents.trace import trace_document
+    from mapcli.formats.documents.pose_trace import trace_document
     from mapcli.formats.documents.trajectory_text import dump_trajectory
 
     trace = rectified_trace(before, result)

@@ -49,7 +49,7 @@ def command(
       mapcli render map.yaml --png map.png --trace trace.json
       mapcli render fig9_4.txt --png fig9_4.png --labels --frontier --robot 5,9
     """
-    from mapcli.formats.documents.trace import load_trace_poses
+    from mapcli.formats.documents.pose_trace import load_trace_poses
     from mapcli.formats.maps.load import load_map
     from mapcli.pictures.map_picture import render
 

@@ -34,7 +34,7 @@ from mapcli.commands._similarity_inputs import (
 from mapcli.commands._similarity_outputs import Answer, window_answer, write_png, write_update
 from mapcli.commands._similarity_report import notes, report_lines
 from mapcli.errors import DataError
-from mapcli.formats.maps.dump import SUFFIXES
+from mapcli.formats.maps.save import SUFFIXES
 from mapcli.formats.output import write_bytes
 from mapcli.model.similarity import SimilarityTable
 

@@ -36,7 +36,8 @@ from mapcli.commands._replay_outputs import (
 )
 from mapcli.commands._replay_perceptions import perception_files, write_perceptions
 from mapcli.errors import DataError
-from mapcli.formats.maps.load import DigestingReader, LoadedMap, load_map
+from mapcli.formats.input import DigestingReader
+from mapcli.formats.maps.load import LoadedMap, load_map
 from mapcli.model.pose import Pose2D
 from mapcli.model.summary import Limit
 

@@ -18,8 +18,8 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.formats.maps.dialects import DIALECTS
-from mapcli.formats.maps.dump import FORMATS
-from mapcli.formats.maps.grey import MODES
+from mapcli.formats.maps.map_image import MODES
+from mapcli.formats.maps.save import FORMATS
 from mapcli.formats.output import check_output, write_bytes
 
 
@@ -117,7 +117,7 @@ def command(
       mapcli transform floor1.yaml all.yaml --merge floor2.yaml@search --merge floor3.yaml@search
       mapcli transform map.yaml - --bake-yaw | mapcli info -
     """
-    from mapcli.formats.documents.trace import move_trace
+    from mapcli.formats.documents.pose_trace import move_trace
     from mapcli.formats.maps.load import load_map
 
     operations = click.get_current_context().obj

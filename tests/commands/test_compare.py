@@ -11,7 +11,7 @@ from conftest import run as run_mapcli
 
 from mapcli import GridMap, Pose2D, move
 from mapcli.algorithms.maps.transform import bake_yaw
-from mapcli.formats.maps.load import dump_map
+from mapcli.formats.maps.save import dump_map
 
 A = b"""resolution: 0.5
 ####?

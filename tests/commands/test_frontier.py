@@ -15,7 +15,7 @@ from conftest import FIXTURES, run
 from PIL import Image
 
 from mapcli import GridMap, Pose2D, load_map
-from mapcli.formats.maps.load import dump_map
+from mapcli.formats.maps.save import dump_map
 from mapcli.pictures.drawing import RED
 
 WORLD, KNOWN, SMALL = (str(FIXTURES / f"{name}.txt") for name in ("fig9_9", "fig9_4", "fig9_10"))

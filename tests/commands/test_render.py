@@ -13,7 +13,7 @@ from conftest import run
 from PIL import Image
 
 from mapcli import GridMap, Pose2D
-from mapcli.formats.maps.load import dump_map
+from mapcli.formats.maps.save import dump_map
 from mapcli.pictures.drawing import RED
 
 

@@ -15,8 +15,8 @@ from conftest import run
 from mapcli import GridMap, Pose2D, load_map, move
 from mapcli.algorithms.maps.transform import bake_yaw
 from mapcli.cli import main
-from mapcli.formats.documents.trace import load_trace_poses
-from mapcli.formats.maps.load import dump_map
+from mapcli.formats.documents.pose_trace import load_trace_poses
+from mapcli.formats.maps.save import dump_map
 
 CELLS = np.array([[1, np.nan, 0, 0], [1, 0, 0, np.nan], [1, 1, 1, np.nan]], dtype=np.float32)
 

@@ -6,23 +6,18 @@ poses such as those that `mapcli simulate` writes. Plain or gzip.
 
 from __future__ import annotations
 
-import gzip
 import hashlib
 import tempfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from mapcli.errors import FormatError
-from mapcli.formats.documents.trace import read_trace_poses
+from mapcli.formats.documents.pose_trace import read_trace_poses
 from mapcli.formats.documents.trajectory_text import EXPECTED, read_trajectory
-from mapcli.formats.logs.blocks import GZIP_MAGIC
-from mapcli.formats.maps.load import read_file
+from mapcli.formats.input import MCAP_MAGIC, read_file, unpacked
 from mapcli.model.trajectory import Trajectory
-
-MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,23 +54,9 @@ def load_trajectory(path: str, topic: str | None = None) -> LoadedTrajectory:
     return LoadedTrajectory(read_trajectory(data, path), digest)
 
 
-def unpacked(data: bytes, file: str) -> bytes:
-    """The content of a file that may be gzip.
-
-    Raises:
-        FormatError: damaged gzip.
-    """
-    if not data.startswith(GZIP_MAGIC):
-        return data
-    try:
-        return gzip.decompress(data)
-    except (OSError, EOFError, zlib.error) as error:
-        raise FormatError(f"cannot be unpacked: {error}", file=file, expected="gzip") from error
-
-
 def _from_mcap(data: bytes, file: str, topic: str | None) -> tuple[Trajectory, tuple[str, ...]]:
     from mapcli.formats.logs.log import Source
-    from mapcli.formats.logs.mcap.true_poses import read_mcap_poses
+    from mapcli.formats.logs.mcap.pose_reader import read_mcap_poses
     from mapcli.model.log import Damage
 
     damage = Damage()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import yaml
 
-from mapcli.formats.yaml_document import Document, number_of, shown
+from mapcli.formats.yaml_mapping import YamlMapping, number_of, shown
 from mapcli.model.perception import STEPS, TURNS_DEG, IntendedPose
 from mapcli.model.pose import Pose2D
 
@@ -18,14 +18,14 @@ POSE = "{cell: [row, column], heading_deg: 90} or {x: 0, y: 0, theta_deg: 90}"
 HEADINGS = ("heading_deg", "theta_deg", "theta")
 
 
-def mapping(document: Document, key: str, node: yaml.Node) -> Document:
+def mapping(document: YamlMapping, key: str, node: yaml.Node) -> YamlMapping:
     """A mapping inside a document."""
     if not isinstance(node, yaml.MappingNode):
         raise document.error(key, f"{shown(node)} is not a mapping", "{key: value, ...}", node)
-    return Document(node, document.file)
+    return YamlMapping(node, document.file)
 
 
-def list_of(document: Document, key: str, expected: str) -> list[yaml.Node]:
+def list_of(document: YamlMapping, key: str, expected: str) -> list[yaml.Node]:
     """The items of a list under a key."""
     node = document.require(key, expected)
     if not isinstance(node, yaml.SequenceNode):
@@ -33,7 +33,7 @@ def list_of(document: Document, key: str, expected: str) -> list[yaml.Node]:
     return list(node.value)
 
 
-def number(document: Document, key: str, node: yaml.Node, expected: str) -> float:
+def number(document: YamlMapping, key: str, node: yaml.Node, expected: str) -> float:
     """A finite number."""
     value = number_of(node)
     if value is None or not abs(value) <= LARGEST:
@@ -42,7 +42,7 @@ def number(document: Document, key: str, node: yaml.Node, expected: str) -> floa
 
 
 def numbers(
-    document: Document,
+    document: YamlMapping,
     key: str,
     node: yaml.Node,
     count: int | None,
@@ -63,7 +63,7 @@ def numbers(
     return values
 
 
-def choice(document: Document, key: str, names: Sequence[str]) -> str:
+def choice(document: YamlMapping, key: str, names: Sequence[str]) -> str:
     """One of some words."""
     expected = f"{', '.join(names[:-1])} or {names[-1]}"
     text = document.text(key, expected)
@@ -72,7 +72,7 @@ def choice(document: Document, key: str, names: Sequence[str]) -> str:
     return text
 
 
-def steps_and_turns(document: Document) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def steps_and_turns(document: YamlMapping) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """The candidates of a scan or of landmarks."""
     steps, turns = STEPS, TURNS_DEG
     if "steps" in document.nodes:
@@ -84,7 +84,7 @@ def steps_and_turns(document: Document) -> tuple[tuple[float, ...], tuple[float,
     return steps, turns
 
 
-def _one_or_more(document: Document, key: str, expected: str) -> tuple[float, ...]:
+def _one_or_more(document: YamlMapping, key: str, expected: str) -> tuple[float, ...]:
     node = document.nodes[key]
     if isinstance(node, yaml.ScalarNode):
         return (number(document, key, node, expected),)
@@ -94,7 +94,7 @@ def _one_or_more(document: Document, key: str, expected: str) -> tuple[float, ..
     return tuple(values)
 
 
-def intended_pose(document: Document) -> IntendedPose:
+def intended_pose(document: YamlMapping) -> IntendedPose:
     """The intended pose."""
     inner = mapping(document, "pose", document.require("pose", POSE))
     theta = _heading(inner)
@@ -106,17 +106,17 @@ def intended_pose(document: Document) -> IntendedPose:
     return IntendedPose(theta, cell=(int(row), int(column)))
 
 
-def pose_of(inner: Document) -> Pose2D:
+def pose_of(inner: YamlMapping) -> Pose2D:
     """A pose in metres and an angle."""
     return Pose2D(*_xy(inner), _heading(inner))
 
 
-def _xy(inner: Document) -> tuple[float, float]:
+def _xy(inner: YamlMapping) -> tuple[float, float]:
     x, y = (number(inner, key, inner.require(key, POSE), "a number") for key in ("x", "y"))
     return x, y
 
 
-def _heading(inner: Document) -> float:
+def _heading(inner: YamlMapping) -> float:
     given = [key for key in HEADINGS if key in inner.nodes]
     if len(given) != 1:
         problem = "heading is missing" if not given else f"{given[0]} and {given[1]} are both given"

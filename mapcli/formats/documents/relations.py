@@ -13,9 +13,8 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from mapcli.errors import FormatError
-from mapcli.formats.documents.load_trajectory import unpacked
 from mapcli.formats.documents.trajectory_text import columns, rows_of_words, stamp_ns
-from mapcli.formats.maps.load import read_file
+from mapcli.formats.input import read_file, unpacked
 from mapcli.model.trajectory import Relations
 
 COLUMNS = "t1 t2 x y z roll pitch yaw"

@@ -15,8 +15,8 @@ from pathlib import Path
 import yaml
 
 from mapcli.errors import DataError, FormatError
-from mapcli.formats.maps.load import read_file
-from mapcli.formats.maps.yaml_map import Document
+from mapcli.formats.input import read_file
+from mapcli.formats.yaml_mapping import YamlMapping
 from mapcli.model.waypoint import Waypoint
 
 EXPECTED = "`X Y [back] [speed=M/S] [pause=S]`"
@@ -56,7 +56,7 @@ def _text_rows(text: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def _yaml_rows(data: bytes, file: str) -> Iterator[tuple[int, list[str]]]:
-    document = Document.parse(data, file)
+    document = YamlMapping.parse(data, file)
     waypoints = document.nodes["waypoints"]
     if not isinstance(waypoints, yaml.SequenceNode):
         raise document.error("waypoints", "not a list", f"a list of {EXPECTED}")

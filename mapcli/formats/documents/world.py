@@ -22,8 +22,10 @@ import yaml
 from numpy.typing import NDArray
 
 from mapcli.errors import DataError
-from mapcli.formats.maps.load import SUFFIXES, load_map, read_file, sniff
-from mapcli.formats.maps.yaml_map import Document
+from mapcli.formats.input import read_file
+from mapcli.formats.maps.load import load_map, sniff
+from mapcli.formats.maps.save import SUFFIXES
+from mapcli.formats.yaml_mapping import YamlMapping
 from mapcli.model.grid import GridMap
 from mapcli.model.world import World
 
@@ -57,7 +59,7 @@ def load_world(path: str | Path, *, y_down: bool = False) -> LoadedWorld:
     path = Path(path)
     data = read_file(path)
     if (SUFFIXES.get(path.suffix.lower()) or sniff(data)) == "yaml":
-        document = Document.parse(data, str(path))
+        document = YamlMapping.parse(data, str(path))
         if not KEYS.isdisjoint(document.nodes) and "image" not in document.nodes:
             y_down = _y_down(document, y_down)
             return LoadedWorld(_world(document, y_down), (), y_down, data)
@@ -72,7 +74,7 @@ def read_world(data: bytes, file: str) -> World:
     Raises:
         FormatError: broken YAML, neither polygons nor points, or a bad one of them.
     """
-    document = Document.parse(data, file)
+    document = YamlMapping.parse(data, file)
     if KEYS.isdisjoint(document.nodes):
         raise document.error("polygons", "key is missing", "a list of polygons")
     return _world(document, _y_down(document, False))
@@ -101,7 +103,7 @@ def _pair(point: Iterable[float]) -> str:
     return f"[{', '.join(repr(float(value)).removesuffix('.0') for value in point)}]"
 
 
-def _y_down(document: Document, otherwise: bool) -> bool:
+def _y_down(document: YamlMapping, otherwise: bool) -> bool:
     if "y" not in document.nodes:
         return otherwise
     direction = document.text("y", "up or down")
@@ -110,7 +112,7 @@ def _y_down(document: Document, otherwise: bool) -> bool:
     return direction == "down"
 
 
-def _world(document: Document, y_down: bool) -> World:
+def _world(document: YamlMapping, y_down: bool) -> World:
     polygons = tuple(
         _polygon(document, node, f"polygons[{i}]")
         for i, node in enumerate(_items(document, "polygons"))
@@ -120,7 +122,7 @@ def _world(document: Document, y_down: bool) -> World:
     return turned_over(world) if y_down else world
 
 
-def _items(document: Document, key: str) -> list[yaml.Node]:
+def _items(document: YamlMapping, key: str) -> list[yaml.Node]:
     """The list under a key; nothing when the key is absent or empty."""
     node = document.nodes.get(key)
     if node is None or (isinstance(node, yaml.ScalarNode) and not node.value):
@@ -128,13 +130,13 @@ def _items(document: Document, key: str) -> list[yaml.Node]:
     return _list(document, key, node, f"a list of {key}")
 
 
-def _list(document: Document, key: str, node: yaml.Node, expected: str) -> list[yaml.Node]:
+def _list(document: YamlMapping, key: str, node: yaml.Node, expected: str) -> list[yaml.Node]:
     if not isinstance(node, yaml.SequenceNode):
         raise document.error(key, "not a list", expected, node)
     return list(node.value)
 
 
-def _polygon(document: Document, node: yaml.Node, key: str) -> NDArray[np.float64]:
+def _polygon(document: YamlMapping, node: yaml.Node, key: str) -> NDArray[np.float64]:
     vertices = _list(document, key, node, "a list of vertices, [[x, y], ...]")
     polygon = _points(document, vertices, key)
     try:
@@ -143,12 +145,12 @@ def _polygon(document: Document, node: yaml.Node, key: str) -> NDArray[np.float6
         raise document.error(key, error.problem, str(error.expected), node) from error
 
 
-def _points(document: Document, nodes: list[yaml.Node], key: str) -> NDArray[np.float64]:
+def _points(document: YamlMapping, nodes: list[yaml.Node], key: str) -> NDArray[np.float64]:
     points = [_point(document, node, f"{key}[{i}]") for i, node in enumerate(nodes)]
     return np.array(points, dtype=np.float64).reshape(-1, 2)
 
 
-def _point(document: Document, node: yaml.Node, key: str) -> list[float]:
+def _point(document: YamlMapping, node: yaml.Node, key: str) -> list[float]:
     expected = "x and y, two numbers"
     values = [
         value.value if isinstance(value, yaml.ScalarNode) else "a list"

@@ -6,10 +6,9 @@ import zlib
 from collections.abc import Iterator
 from typing import BinaryIO
 
+from mapcli.formats.input import GZIP_MAGIC
 from mapcli.formats.logs.log import Source
 from mapcli.model.log import Damage
-
-GZIP_MAGIC = b"\x1f\x8b"
 
 BLOCK_BYTES = 1 << 16
 MAX_LINE_BYTES = 1 << 20

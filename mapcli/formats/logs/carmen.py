@@ -24,7 +24,7 @@ from mapcli.errors import FormatError
 from mapcli.formats.logs.blocks import read_lines
 from mapcli.formats.logs.carmen_lines import PARSERS, LaserMessage, message_name
 from mapcli.formats.logs.log import Log, Source, describe_mount
-from mapcli.formats.logs.ranges import rep117, single
+from mapcli.formats.logs.rep117 import rep117, single
 from mapcli.model.log import Damage, LogOptions, Loss, Topic
 from mapcli.model.pose import Pose2D, rounded_angle, wrap_angle
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record

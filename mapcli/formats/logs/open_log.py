@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import IO
 
 from mapcli.errors import FormatError
-from mapcli.formats.logs.blocks import GZIP_MAGIC, read_blocks
+from mapcli.formats.input import GZIP_MAGIC, MCAP_MAGIC
+from mapcli.formats.logs.blocks import read_blocks
 from mapcli.formats.logs.carmen import CarmenLog
 from mapcli.formats.logs.carmen_lines import looks_like_carmen
 from mapcli.formats.logs.log import Log, Source
@@ -20,7 +21,6 @@ __all__ = ["Log", "open_log"]
 
 DEFAULTS = LogOptions()
 
-MCAP_MAGIC = b"\x89MCAP0\r\n"
 SNIFFED_BYTES = 1 << 16
 
 EXPECTED = "an MCAP file or a CARMEN log"

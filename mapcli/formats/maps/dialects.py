@@ -21,7 +21,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.formats.maps.grey import GreyImage, GreyRule
+from mapcli.formats.maps.map_image import GreyImage, GreyRule
 from mapcli.model.grid import UNKNOWN_PERCENT
 
 Dialect = Literal["nav2", "nav2-2024", "ros1"]

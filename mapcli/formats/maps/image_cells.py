@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.formats.maps.dialects import DIALECTS, Dialect, percents_of_greys, read_percents
-from mapcli.formats.maps.grey import UNKNOWN_GREY, GreyImage, GreyRule, MapImage
+from mapcli.formats.maps.map_image import UNKNOWN_GREY, GreyImage, GreyRule, MapImage
 from mapcli.model.counting import counted
 from mapcli.model.grid import histogram
 

@@ -1,4 +1,4 @@
-"""Loading a map, whatever its format: `load_map` (`dump` and `save` write).
+"""Loading a map, whatever its format: `load_map` (`save` writes).
 
     .txt            text, see `text`
     .yaml .yml      a map_server pair (with an image) or a self-contained map, see `yaml_map`
@@ -9,39 +9,23 @@ Standard input (`-`) and files of other suffixes are told by their content.
 
 from __future__ import annotations
 
-import hashlib
 import re
-import sys
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapcli.errors import FormatError
+from mapcli.formats.input import ReadBytes, read_file
 from mapcli.formats.maps.dialects import Dialect
-from mapcli.formats.maps.dump import FORMATS, SUFFIXES, Format, SaveOptions, dump_map
-from mapcli.formats.maps.grey import GreyRule, MapImage
 from mapcli.formats.maps.image_cells import cells_of_image
+from mapcli.formats.maps.map_image import GreyRule, MapImage
+from mapcli.formats.maps.save import SUFFIXES, Format
 from mapcli.formats.maps.text import read_text
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 
-__all__ = [
-    "FORMATS",
-    "SUFFIXES",
-    "Format",
-    "LoadedMap",
-    "SaveOptions",
-    "dump_map",
-    "load_map",
-    "read_file",
-    "sniff",
-]
-
 if TYPE_CHECKING:
     from mapcli.formats.maps.yaml_map import ImageMeta
-
-ReadBytes = Callable[[Path], bytes]
 
 
 @dataclass(frozen=True)
@@ -63,42 +47,6 @@ class LoadedMap:
     rule: GreyRule | None = None
     warnings: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
-
-
-def read_file(path: Path, expected: str = "a map file") -> bytes:
-    """All bytes of a file, or of standard input for `-`.
-
-    Raises:
-        FormatError: no such file, a directory, not readable.
-    """
-    if str(path) == "-":
-        return sys.stdin.buffer.read()
-    try:
-        return (path.expanduser() if path.parts[:1] == ("~",) else path).read_bytes()
-    except IsADirectoryError as error:
-        raise FormatError("is a directory", file=path, expected=expected) from error
-    except FileNotFoundError as error:
-        raise FormatError("no such file", file=path) from error
-    except (OSError, ValueError, RuntimeError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise FormatError(f"cannot be read: {reason.lower()}", file=path) from error
-
-
-class DigestingReader:
-    """Reads files as `read_file` does, and keeps their digests (stateful).
-
-    Attributes:
-        digests: file name -> SHA-256 in hexadecimal, in the order of reading; for documents that
-            say what they were made from.
-    """
-
-    def __init__(self) -> None:
-        self.digests: dict[str, str] = {}
-
-    def __call__(self, path: Path) -> bytes:
-        data = read_file(path)
-        self.digests[path.name] = hashlib.sha256(data).hexdigest()
-        return data
 
 
 def load_map(
@@ -193,11 +141,12 @@ def _load_yaml(path: Path, data: bytes, reading: _Reading) -> LoadedMap:
 
 def _load_image(path: Path, data: bytes, reading: _Reading) -> LoadedMap:
     """An image alone."""
-    from mapcli.formats.maps.yaml_map import Document, ImageMeta, read_image_meta
+    from mapcli.formats.maps.yaml_map import ImageMeta, read_image_meta
+    from mapcli.formats.yaml_mapping import YamlMapping
 
     image = _decode(data, path)
     if image.note:
-        document = Document.parse(image.note.encode(), f"{path}: metadata inside the image")
+        document = YamlMapping.parse(image.note.encode(), f"{path}: metadata inside the image")
         meta = read_image_meta(document, embedded=True, lenient=reading.lenient)
     else:
         meta = ImageMeta("", 0, 1.0, Pose2D(), GreyRule(), _assumption(path, reading))

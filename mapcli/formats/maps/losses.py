@@ -6,7 +6,7 @@ from pathlib import PurePath
 
 import numpy as np
 
-from mapcli.formats.maps.dump import SaveOptions, as_written, format_of
+from mapcli.formats.maps.save import SaveOptions, as_written, format_of
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
 

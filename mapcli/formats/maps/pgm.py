@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.errors import FormatError
-from mapcli.formats.maps.grey import NOTE_TITLE, GreyImage, MapImage, refuse_size
+from mapcli.formats.maps.map_image import NOTE_TITLE, GreyImage, MapImage, refuse_size
 from mapcli.model.counting import counted
 from mapcli.model.grid import bands
 

@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image, PngImagePlugin
 
 from mapcli.errors import FormatError
-from mapcli.formats.maps.grey import MAX_CELLS, NOTE_TITLE, GreyImage, MapImage, refuse_size
+from mapcli.formats.maps.map_image import MAX_CELLS, NOTE_TITLE, GreyImage, MapImage, refuse_size
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.errors import DataError, FormatError
-from mapcli.formats.number_form import NUMBER
+from mapcli.formats.number_pattern import NUMBER
 from mapcli.model.grid import PROBABILITIES, UNKNOWN_PERCENT, GridMap
 from mapcli.model.pose import Pose2D
 

@@ -25,21 +25,11 @@ from dataclasses import dataclass
 import yaml
 
 from mapcli.errors import FormatError
-from mapcli.formats.maps.grey import MODES, GreyRule
+from mapcli.formats.maps.map_image import MODES, GreyRule
 from mapcli.formats.maps.text import CHARACTER_ROW, TextRows, number_rows
-from mapcli.formats.yaml_document import Document
+from mapcli.formats.yaml_mapping import YamlMapping
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
-
-__all__ = [
-    "CellsYaml",
-    "Document",
-    "ImageMeta",
-    "cells_yaml",
-    "image_meta_lines",
-    "read_image_meta",
-    "read_yaml",
-]
 
 _TRUTHS = {"true": True, "yes": True, "on": True, "y": True,
            "false": False, "no": False, "off": False, "n": False}  # fmt: skip
@@ -91,7 +81,7 @@ def read_yaml(data: bytes, file: str, *, lenient: bool = False) -> ImageMeta | C
     Raises:
         FormatError: broken YAML, a missing or bad key, naming the key and the line.
     """
-    document = Document.parse(data, file)
+    document = YamlMapping.parse(data, file)
     if "cells" in document.nodes:
         return _read_cells(document, len(data), lenient=lenient)
     if "image" not in document.nodes and not document.nodes.keys().isdisjoint(
@@ -106,7 +96,7 @@ def read_yaml(data: bytes, file: str, *, lenient: bool = False) -> ImageMeta | C
 
 
 def read_image_meta(
-    document: Document, *, embedded: bool = False, lenient: bool = False
+    document: YamlMapping, *, embedded: bool = False, lenient: bool = False
 ) -> ImageMeta:
     """The keys of a map_server pair; inside an image (`embedded`) there is no image key."""
     image = "" if embedded else document.text("image", "the name of a PGM or PNG file")
@@ -119,7 +109,7 @@ def read_image_meta(
     return ImageMeta(image, line, resolution, origin, rule, tuple(warnings), remarks)
 
 
-def _remarks(document: Document, keys: tuple[str, ...], origin: Pose2D) -> tuple[str, ...]:
+def _remarks(document: YamlMapping, keys: tuple[str, ...], origin: Pose2D) -> tuple[str, ...]:
     remarks = []
     if origin.theta:
         degrees = math.degrees(origin.theta)
@@ -135,7 +125,7 @@ def _remarks(document: Document, keys: tuple[str, ...], origin: Pose2D) -> tuple
     return tuple(remarks)
 
 
-def _resolution(document: Document) -> float:
+def _resolution(document: YamlMapping) -> float:
     expected = "metres per cell, more than 0"
     value = document.number("resolution", expected)
     if value <= 0:
@@ -143,7 +133,7 @@ def _resolution(document: Document) -> float:
     return value
 
 
-def _origin(document: Document, warnings: list[str], *, lenient: bool) -> Pose2D:
+def _origin(document: YamlMapping, warnings: list[str], *, lenient: bool) -> Pose2D:
     expected = "three numbers, [x, y, yaw]"
     place = document.numbers("origin", 3, expected)
     for k, (name, value) in enumerate(zip(("x", "y", "yaw"), place, strict=True)):
@@ -158,7 +148,7 @@ def _origin(document: Document, warnings: list[str], *, lenient: bool) -> Pose2D
     return Pose2D(*place)
 
 
-def _rule(document: Document, warnings: list[str]) -> GreyRule:
+def _rule(document: YamlMapping, warnings: list[str]) -> GreyRule:
     occupied, free = (
         document.number(key, "a number from 0 to 1") for key in ("occupied_thresh", "free_thresh")
     )
@@ -176,7 +166,7 @@ def _rule(document: Document, warnings: list[str]) -> GreyRule:
     return GreyRule(mode, free, occupied, _truth(document, "negate"))
 
 
-def _truth(document: Document, key: str) -> bool:
+def _truth(document: YamlMapping, key: str) -> bool:
     text = document.text(key, "0 or 1").lower()
     if text in _TRUTHS:
         return _TRUTHS[text]
@@ -186,7 +176,7 @@ def _truth(document: Document, key: str) -> bool:
         raise document.error(key, f"{text!r}", "0 or 1") from None
 
 
-def _read_cells(document: Document, limit: int, *, lenient: bool) -> CellsYaml:
+def _read_cells(document: YamlMapping, limit: int, *, lenient: bool) -> CellsYaml:
     rows = TextRows(document.file, limit)
     node = document.nodes["cells"]
     if isinstance(node, yaml.ScalarNode):

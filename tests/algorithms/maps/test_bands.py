@@ -13,9 +13,9 @@ from mapcli.algorithms.maps.compare import compare
 from mapcli.algorithms.maps.registration import score_motion
 from mapcli.algorithms.maps.transform import bake_yaw, merge, move, resample, rotate
 from mapcli.algorithms.maps.wall_direction import occupied_points
-from mapcli.formats.maps.dump import SaveOptions, dump_map
 from mapcli.formats.maps.load import load_map
 from mapcli.formats.maps.losses import losses
+from mapcli.formats.maps.save import SaveOptions, dump_map
 from mapcli.model.grid import GridMap, crop_to_known
 from mapcli.model.pose import Pose2D
 from mapcli.pictures.difference import difference_picture

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.documents.json_document import json_bytes
 from mapcli.formats.documents.load_trajectory import load_trajectory
+from mapcli.formats.documents.pose_trace import trace_document
 from mapcli.formats.documents.relations import is_relations, load_relations
-from mapcli.formats.documents.trace import trace_document
 from mapcli.formats.documents.trajectory_text import WRITERS, dump_trajectory, read_trajectory
 from mapcli.formats.logs.mcap.writer import LogNames, McapLogWriter
 from mapcli.model.pose import Pose2D

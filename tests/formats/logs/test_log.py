@@ -15,7 +15,7 @@ from mapcli.errors import FormatError
 from mapcli.formats.logs import log as _log
 from mapcli.formats.logs.log import Log, Source, StrictDamage
 from mapcli.formats.logs.open_log import open_log
-from mapcli.formats.logs.ranges import rep117, sensible_limits
+from mapcli.formats.logs.rep117 import rep117, sensible_limits
 from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, Loss, Topic, select
 from mapcli.model.pose import Pose2D, rounded_angle, wrap_angle
 from mapcli.model.scan import Odometry, RangeScan, Record

@@ -14,7 +14,7 @@ from mcap.writer import CompressionType
 from support.mcap_making import mcap_bytes, odom, scan, tf_static, transform
 
 from mapcli.errors import FormatError, MapcliError
-from mapcli.formats.logs.mcap.records import RECORD
+from mapcli.formats.logs.mcap.container_records import RECORD
 from mapcli.formats.logs.open_log import Log, open_log
 from mapcli.model.log import LogOptions
 from mapcli.model.scan import RangeScan, Record

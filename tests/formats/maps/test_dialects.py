@@ -13,9 +13,9 @@ from hypothesis.extra import numpy as hnp
 from PIL import Image
 
 from mapcli.formats.maps.dialects import DIALECTS, Dialect
-from mapcli.formats.maps.dump import SaveOptions, as_written, dump_map
-from mapcli.formats.maps.grey import MODES, Mode
 from mapcli.formats.maps.load import load_map
+from mapcli.formats.maps.map_image import MODES, Mode
+from mapcli.formats.maps.save import SaveOptions, as_written, dump_map
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mapcli.errors import MapcliError
-from mapcli.formats.maps.load import SaveOptions, dump_map, load_map
+from mapcli.formats.maps.load import load_map
+from mapcli.formats.maps.save import SaveOptions, dump_map
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 

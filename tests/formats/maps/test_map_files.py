@@ -18,11 +18,12 @@ from PIL import Image
 
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.maps.dialects import DIALECTS
-from mapcli.formats.maps.grey import MODES, GreyRule
-from mapcli.formats.maps.load import LoadedMap, SaveOptions, dump_map, load_map, sniff
+from mapcli.formats.maps.load import LoadedMap, load_map, sniff
 from mapcli.formats.maps.losses import losses
+from mapcli.formats.maps.map_image import MODES, GreyRule
 from mapcli.formats.maps.pgm import read_pgm
 from mapcli.formats.maps.png import read_png
+from mapcli.formats.maps.save import SaveOptions, dump_map
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 

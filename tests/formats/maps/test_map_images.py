@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from mapcli.errors import FormatError
-from mapcli.formats.maps.grey import GreyImage
+from mapcli.formats.maps.map_image import GreyImage
 from mapcli.formats.maps.pgm import read_pgm, write_pgm
 from mapcli.formats.maps.png import read_png, write_png
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from mapcli.errors import FormatError
-from mapcli.formats.maps.grey import GreyRule
 from mapcli.formats.maps.load import load_map
+from mapcli.formats.maps.map_image import GreyRule
 from mapcli.formats.maps.yaml_map import image_meta_lines
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D

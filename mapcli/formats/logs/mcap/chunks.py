@@ -11,13 +11,18 @@ import lz4.frame
 import zstandard
 from mcap.opcode import Opcode
 
-from mapcli.formats.logs.mcap.records import MESSAGE, RECORD, ChunkHead, Segment, chunk_head
+from mapcli.formats.logs.mcap.container_records import (
+    MESSAGE,
+    RECORD,
+    ChunkHead,
+    Segment,
+    chunk_head,
+)
 
 MAX_UNPACKED_BYTES = 1 << 30
 """No recorder writes larger chunks; a broken size must not exhaust the memory."""
 
 _STEP_BYTES = 4096
-_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 
 class ChunkError(Exception):

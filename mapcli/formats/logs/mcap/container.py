@@ -16,9 +16,15 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
 
+from mapcli.formats.input import MCAP_MAGIC
 from mapcli.formats.logs.log import Source
 from mapcli.formats.logs.mcap.chunks import ChunkError, records, unpacked
-from mapcli.formats.logs.mcap.records import MAGIC, MESSAGE, RECORD, Segment, add_description
+from mapcli.formats.logs.mcap.container_records import (
+    MESSAGE,
+    RECORD,
+    Segment,
+    add_description,
+)
 from mapcli.formats.logs.mcap.recovery import Layout, walk
 from mapcli.model.log import Damage
 
@@ -72,24 +78,24 @@ class McapFile:
     def _read_summary(self, file: BinaryIO) -> tuple[int, bool, Statistics | None]:
         """Where the data end, whether as in a finished file, and then the statistics."""
         size = file.seek(0, 2)
-        tail = size - len(MAGIC) - FOOTER.size
+        tail = size - len(MCAP_MAGIC) - FOOTER.size
         file.seek(max(tail, 0))
         ending = file.read()
-        if tail < len(MAGIC) or not ending.endswith(MAGIC):
+        if tail < len(MCAP_MAGIC) or not ending.endswith(MCAP_MAGIC):
             return self._unfinished(size)
         opcode, length, start, _, checksum = FOOTER.unpack(ending[: FOOTER.size])
         if opcode != Opcode.FOOTER or length != FOOTER.size - RECORD.size:
             return self._unfinished(size)
         end = (start or tail) - DATA_END_BYTES
         file.seek(max(end, 0))
-        content = file.read() if len(MAGIC) <= end <= tail else b""
+        content = file.read() if len(MCAP_MAGIC) <= end <= tail else b""
         summary = content[DATA_END_BYTES : tail - end]
         signed = content[DATA_END_BYTES : tail - end + FOOTER.size - 4]
         if not content.startswith(RECORD.pack(Opcode.DATA_END, 4)) or (
             checksum and zlib.crc32(signed) != checksum
         ):
             self._complain(BAD_SUMMARY, f"byte {tail}")
-            return size - len(MAGIC), False, None
+            return size - len(MCAP_MAGIC), False, None
         return end, True, self._take_summary(summary)
 
     def _unfinished(self, size: int) -> tuple[int, bool, None]:

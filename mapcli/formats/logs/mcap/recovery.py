@@ -17,7 +17,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-from mapcli.formats.logs.mcap.records import (
+from mapcli.formats.logs.mcap.container_records import (
     CHUNK,
     INDEX,
     MAX_DESCRIPTION_BYTES,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from mapcli.formats.logs.ranges import rep117, sensible_limits, single
+from mapcli.formats.logs.rep117 import rep117, sensible_limits, single
 from mapcli.formats.logs.ros.decode import LaserScan
 from mapcli.model.log import BeamCounts
 from mapcli.model.scan import Mount, RangeScan

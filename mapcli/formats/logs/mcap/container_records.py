@@ -16,8 +16,6 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-MAGIC = b"\x89MCAP0\r\n"
-
 MAX_DESCRIPTION_BYTES = 1 << 24
 """A schema or channel longer than this is not one."""
 

@@ -17,7 +17,7 @@ from mapcli.formats.maps.dialects import (
     percents_of_greys,
     read_percents,
 )
-from mapcli.formats.maps.grey import GreyImage, GreyRule, Mode, trinary_greys
+from mapcli.formats.maps.map_image import GreyImage, GreyRule, Mode, trinary_greys
 
 RAMP = GreyImage(np.arange(256, dtype=np.uint8).reshape(1, 256, 1))
 UNKNOWN = -1

@@ -13,14 +13,14 @@ from collections.abc import Sequence
 import yaml
 
 from mapcli.errors import FormatError
-from mapcli.formats.number_form import NUMBER
+from mapcli.formats.number_pattern import NUMBER
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _MAX_DEPTH = 50
 _NOT_FINITE = re.compile(r"([+-]?)\.?(nan|inf)", re.IGNORECASE)
 
 
-class Document:
+class YamlMapping:
     """The keys of a YAML mapping, with errors that name file, key and line."""
 
     def __init__(self, root: yaml.MappingNode, file: str) -> None:
@@ -34,7 +34,7 @@ class Document:
             self.nodes[name] = value
 
     @classmethod
-    def parse(cls, data: bytes, file: str) -> Document:
+    def parse(cls, data: bytes, file: str) -> YamlMapping:
         """Compose without constructing: nodes know their lines, and nothing is executed."""
         try:
             _refuse_deep_nesting(data, file)

@@ -55,9 +55,9 @@ from mapcli.formats.documents.perception_fields import (
     pose_of,
     steps_and_turns,
 )
-from mapcli.formats.maps.load import read_file
+from mapcli.formats.input import read_file
 from mapcli.formats.maps.text import CHARACTER_ROW
-from mapcli.formats.yaml_document import Document
+from mapcli.formats.yaml_mapping import YamlMapping
 from mapcli.model.perception import (
     ExpectedReadings,
     GridCandidate,
@@ -92,7 +92,7 @@ def read_perception(data: bytes, file: str, low: float = 0.5) -> Perceived:
         raise FormatError("is empty", file=file, expected="a perception")
     if data.lstrip()[:1] == b"{":
         data = data.replace(b"\t", b" ")  # JSON may be indented by tabs, YAML not
-    document = Document.parse(data, file)
+    document = YamlMapping.parse(data, file)
     kind = choice(document, "kind", KINDS)
     if kind == "scan":
         return _scan(document)
@@ -102,7 +102,7 @@ def read_perception(data: bytes, file: str, low: float = 0.5) -> Perceived:
     return _grids(document, low) if kind == "grids" else _database(document)
 
 
-def _scan(document: Document) -> ScanPerception:
+def _scan(document: YamlMapping) -> ScanPerception:
     steps, turns = steps_and_turns(document)
     range_max = _range_max(document)
     laser = Pose2D()
@@ -120,7 +120,7 @@ def _scan(document: Document) -> ScanPerception:
     )
 
 
-def _range_max(document: Document) -> float:
+def _range_max(document: YamlMapping) -> float:
     expected = "the largest range that is measured, more than 0, in the map's unit"
     value = number(document, "range_max", document.require("range_max", expected), expected)
     if value <= 0:
@@ -128,7 +128,7 @@ def _range_max(document: Document) -> float:
     return value
 
 
-def _beams(document: Document) -> Floats:
+def _beams(document: YamlMapping) -> Floats:
     """Bearings in radians and ranges, inf for null; shape (n, 2)."""
     expected = "[bearing in degrees, range or null]"
     rows = []
@@ -142,7 +142,7 @@ def _beams(document: Document) -> Floats:
     return np.array(rows)
 
 
-def _measured(document: Document) -> Floats:
+def _measured(document: YamlMapping) -> Floats:
     """Distances and bearings in radians, NaN for null; shape (n, 2)."""
     expected = "[distance, bearing in degrees], or null for one not seen"
     rows = []
@@ -159,7 +159,7 @@ def _measured(document: Document) -> Floats:
     return np.array(rows)
 
 
-def _grids(document: Document, low: float) -> GridPerceptions:
+def _grids(document: YamlMapping, low: float) -> GridPerceptions:
     signs = True
     if "cells" in document.nodes:
         signs = choice(document, "cells", ("sign", "probability")) == "sign"
@@ -187,7 +187,7 @@ def _grids(document: Document, low: float) -> GridPerceptions:
     return GridPerceptions(tuple(candidates), corner, stand, steps_and_turns(document)[0])
 
 
-def _which(inner: Document, taken: set[tuple[str, float]]) -> tuple[str, float]:
+def _which(inner: YamlMapping, taken: set[tuple[str, float]]) -> tuple[str, float]:
     """Position and turn of a candidate, which no other has."""
     position = inner.text("position", "intended, up, down, left, right, or any other name")
     expected = "degrees, counter-clockwise of the intended heading"
@@ -198,7 +198,7 @@ def _which(inner: Document, taken: set[tuple[str, float]]) -> tuple[str, float]:
     return position, turn
 
 
-def _rows(inner: Document, *, signs: bool, low: float) -> NDArray[np.int8]:
+def _rows(inner: YamlMapping, *, signs: bool, low: float) -> NDArray[np.int8]:
     """The cells of a perception map as -1, 0 and +1, top row first."""
     expected = "a list of rows of cells"
     rows: list[list[int]] = []
@@ -217,7 +217,7 @@ def _rows(inner: Document, *, signs: bool, low: float) -> NDArray[np.int8]:
     return np.array(rows, np.int8)
 
 
-def _scalars(inner: Document, key: str, node: yaml.Node) -> list[yaml.Node]:
+def _scalars(inner: YamlMapping, key: str, node: yaml.Node) -> list[yaml.Node]:
     if isinstance(node, yaml.SequenceNode) and all(
         isinstance(cell, yaml.ScalarNode) for cell in node.value
     ):
@@ -225,7 +225,9 @@ def _scalars(inner: Document, key: str, node: yaml.Node) -> list[yaml.Node]:
     raise inner.error(key, "not a row", "a string or a list of cells", node)
 
 
-def _sign(inner: Document, node: yaml.Node, key: str, word: str, *, signs: bool, low: float) -> int:
+def _sign(
+    inner: YamlMapping, node: yaml.Node, key: str, word: str, *, signs: bool, low: float
+) -> int:
     if word in ("?", "null", "~", ""):
         return 0
     if word in ("#", "."):
@@ -243,7 +245,7 @@ def _sign(inner: Document, node: yaml.Node, key: str, word: str, *, signs: bool,
     raise inner.error(key, f"cell {word[:40]!r}", f"{expected}{hint}", node)
 
 
-def _database(document: Document) -> PerceptionDatabase:
+def _database(document: YamlMapping) -> PerceptionDatabase:
     of: Any = choice(document, "of", ("scan", "landmarks"))
     range_max = _range_max(document) if of == "scan" else math.inf
     step = 1.0

@@ -11,7 +11,7 @@ import numpy as np
 
 from mapcli.errors import FormatError
 from mapcli.formats.documents.json_document import document, json_bytes, read_document
-from mapcli.formats.maps.load import read_file
+from mapcli.formats.input import read_file
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import Pose2D
 from mapcli.model.trace import PoseTrace, TracedPose
