@@ -9,133 +9,15 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.similarity.candidate_poses import (
-    Candidates,
-    CandidateWindow,
-    neighbour_candidates,
-)
-from mapcli.algorithms.similarity.grid_table import (
-    candidate_perception_map,
-    grid_table,
-    scan_perception_map,
-    scan_table,
-)
-from mapcli.algorithms.similarity.map_update import update_map
-from mapcli.algorithms.similarity.measures import Similarity
-from mapcli.algorithms.similarity.perception_map import PerceptionMap
-from mapcli.algorithms.similarity.readings_table import database_table, landmark_table
-from mapcli.errors import FormatError
+from mapcli.algorithms.similarity.comparisons import Comparison, comparison_of
+from mapcli.errors import DataError, FormatError
 from mapcli.formats.documents.perception_reader import read_perception
 from mapcli.formats.input import read_file
 from mapcli.formats.maps.load import load_map, sniff
 from mapcli.formats.maps.save import SUFFIXES
 from mapcli.model.grid import GridMap
-from mapcli.model.perception import (
-    GridPerceptions,
-    LandmarkPerception,
-    PerceptionDatabase,
-    ScanPerception,
-)
-from mapcli.model.pose import Pose2D
-from mapcli.model.similarity import ScoredCandidate, SimilarityTable
+from mapcli.model.perception import LandmarkPerception, Perceived, PerceptionDatabase
 from mapcli.model.world import World
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How perceptions are compared; see the options of the command."""
-
-    similarity: Similarity
-    low: float
-    bearing_weight: float
-
-
-@dataclass(frozen=True, eq=False)
-class ScanOnMap:
-    """A scan and a grid map."""
-
-    grid: GridMap
-    scan: ScanPerception
-
-    def candidates(self, window: CandidateWindow | None) -> Candidates:
-        if window is not None:
-            return window.candidates(self.grid.resolution)
-        return neighbour_candidates(self.scan.steps, self.scan.turns_deg)
-
-    def table(self, settings: Settings, window: CandidateWindow | None) -> SimilarityTable:
-        candidates = self.candidates(window)
-        return scan_table(self.grid, self.scan, candidates, settings.similarity, settings.low)
-
-    def intended(self) -> Pose2D | None:
-        return self.scan.intended_pose.pose(self.grid)
-
-    def perceived(self, candidate: ScoredCandidate, *, near: bool = False) -> PerceptionMap:
-        """The perception map at a candidate; `near`, no farther off the map than it is large."""
-        assert candidate.pose is not None  # scans always have one
-        rows, columns = self.grid.rows, self.grid.columns
-        within = (-columns, -rows, 2 * columns, 2 * rows) if near else None
-        return scan_perception_map(self.grid, self.scan, candidate.pose, within)
-
-
-@dataclass(frozen=True, eq=False)
-class GridsOnMap:
-    """Perception maps that are written out, and a grid map."""
-
-    grid: GridMap
-    perceptions: GridPerceptions
-
-    def table(self, settings: Settings, window: CandidateWindow | None) -> SimilarityTable:
-        return grid_table(self.grid, self.perceptions, settings.similarity, settings.low)
-
-    def intended(self) -> Pose2D | None:
-        place = self.perceptions.intended_pose
-        return None if place is None else place.pose(self.grid)
-
-    def perceived(self, candidate: ScoredCandidate, *, near: bool = False) -> PerceptionMap:
-        """The perception map of a candidate."""
-        names = [(c.position, c.turn_deg) for c in self.perceptions.candidates]
-        index = names.index((candidate.position, candidate.turn_deg))
-        return candidate_perception_map(self.grid, self.perceptions, index)
-
-
-@dataclass(frozen=True, eq=False)
-class LandmarksOnMap:
-    """Distances and bearings, and a points map."""
-
-    world: World
-    landmarks: LandmarkPerception
-
-    def table(self, settings: Settings, window: CandidateWindow | None) -> SimilarityTable:
-        marks = self.landmarks
-        candidates = (
-            neighbour_candidates(marks.steps, marks.turns_deg)
-            if window is None
-            else window.candidates(None)
-        )
-        similarity, weight = settings.similarity, settings.bearing_weight
-        return landmark_table(self.world, marks, candidates, similarity, weight)
-
-    def intended(self) -> Pose2D | None:
-        return self.landmarks.intended_pose.pose(None)
-
-
-@dataclass(frozen=True, eq=False)
-class ReadingsInDatabase:
-    """A set of readings, and a database of such sets."""
-
-    database: PerceptionDatabase
-    readings: ScanPerception | LandmarkPerception
-
-    def table(self, settings: Settings, window: CandidateWindow | None) -> SimilarityTable:
-        similarity, weight = settings.similarity, settings.bearing_weight
-        return database_table(self.database, self.readings, similarity, weight)
-
-    def intended(self) -> Pose2D | None:
-        place = self.readings.intended_pose
-        return place.pose(None) if place.cell is None else None
-
-
-Comparison = ScanOnMap | GridsOnMap | LandmarksOnMap | ReadingsInDatabase
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,19 +66,24 @@ def load_comparison(
         found = read_perception(read(Path(database)), database)
         if not isinstance(found, PerceptionDatabase):
             raise FormatError("is one perception", file=database, expected="kind: database")
-        if isinstance(perception, GridPerceptions):
-            raise FormatError("kind: grids", file=name, expected="readings: scan or landmarks")
-        return Loaded(ReadingsInDatabase(found, perception), name, digests)
+        return Loaded(_compare(found, perception, name), name, digests)
     if isinstance(perception, LandmarkPerception):
         world = _points(read(Path(files[0])), files[0])
-        return Loaded(LandmarksOnMap(world, perception), name, digests)
+        return Loaded(_compare(world, perception, name), name, digests)
     loaded = load_map(files[0], dialect=dialect, read=read)
-    comparison = (
-        ScanOnMap(loaded.grid, perception)
-        if isinstance(perception, ScanPerception)
-        else GridsOnMap(loaded.grid, perception)
-    )
-    return Loaded(comparison, name, digests, tuple(f"{files[0]}: {w}" for w in loaded.warnings))
+    warnings = tuple(f"{files[0]}: {warning}" for warning in loaded.warnings)
+    return Loaded(_compare(loaded.grid, perception, name), name, digests, warnings)
+
+
+def _compare(
+    known: GridMap | World | PerceptionDatabase, perception: Perceived, name: str
+) -> Comparison:
+    """`comparison_of`, with errors that name the perception's file."""
+    try:
+        return comparison_of(known, perception)
+    except DataError as error:
+        error.file = name
+        raise
 
 
 def _points(data: bytes, file: str) -> World:
@@ -216,8 +103,3 @@ def _points(data: bytes, file: str) -> World:
     if not len(world.points):
         raise FormatError("holds no points", file=file, expected=expected)
     return world
-
-
-def map_after(comparison: ScanOnMap | GridsOnMap, best: ScoredCandidate, low: float) -> GridMap:
-    """The map with the best perception written into it (Fig. 9.22)."""
-    return update_map(comparison.grid, comparison.perceived(best), low)

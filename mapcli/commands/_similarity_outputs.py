@@ -10,21 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.similarity.candidate_poses import CandidateWindow
-from mapcli.algorithms.similarity.expected_perception import obstacle_position
-from mapcli.algorithms.similarity.grid_table import pose_in_cells, ternary_cells
-from mapcli.algorithms.similarity.local_maxima import find_local_maxima
-from mapcli.algorithms.similarity.map_update import crop_to_perception
-from mapcli.algorithms.similarity.measures import higher_is_better
-from mapcli.commands._frontier_outputs import map_files, write_all
-from mapcli.commands._similarity_inputs import (
+from mapcli.algorithms.similarity.comparisons import (
     GridsOnMap,
     LandmarksOnMap,
-    Loaded,
     ReadingsInDatabase,
     ScanOnMap,
-    Settings,
+    Scoring,
     map_after,
 )
+from mapcli.algorithms.similarity.expected_perception import obstacle_position
+from mapcli.algorithms.similarity.grid_table import pose_in_cells
+from mapcli.algorithms.similarity.local_maxima import window_scores
+from mapcli.algorithms.similarity.map_excerpt import crop_to_perception
+from mapcli.algorithms.similarity.ternary_map import ternary_cells
+from mapcli.commands._frontier_outputs import map_files, write_all
+from mapcli.commands._similarity_inputs import Loaded
 from mapcli.errors import DataError
 from mapcli.formats.documents.similarity_table import (
     csv_text,
@@ -33,7 +33,7 @@ from mapcli.formats.documents.similarity_table import (
     table_bytes,
     window_bytes,
 )
-from mapcli.model.local_maxima import LocalMaxima
+from mapcli.model.local_maxima import WindowScores
 from mapcli.model.pose import Pose2D
 from mapcli.model.similarity import ScoredCandidate, SimilarityTable
 from mapcli.model.world import World
@@ -49,22 +49,19 @@ class Answer:
 
     Attributes:
         sightings: distances and bearings (degrees) to be located.
-        window, along, surface, peaks: of a window: its half-widths, steps along one axis in the
-            map's unit, best score of all headings as (up, right) from above, and peaks.
+        window, scores: of a window: its half-widths, and what its scores look like.
     """
 
     loaded: Loaded
-    settings: Settings
+    scoring: Scoring
     table: SimilarityTable
     sightings: tuple[Point, ...] = ()
     window: CandidateWindow | None = None
-    along: Floats | None = None
-    surface: Floats | None = None
-    peaks: LocalMaxima | None = None
+    scores: WindowScores | None = None
 
     @property
     def best(self) -> ScoredCandidate | None:
-        return self.peaks.peak if self.peaks else self.table.best()
+        return self.scores.maxima.peak if self.scores else self.table.best()
 
     @property
     def unit(self) -> str:
@@ -93,15 +90,11 @@ class Answer:
 
     def json(self) -> bytes:
         digests = self.loaded.digests
-        parameters: dict[str, Any] = asdict(self.settings)
-        if self.peaks is not None:
+        parameters: dict[str, Any] = asdict(self.scoring)
+        if self.scores is not None:
             assert self.window is not None
-            assert self.along is not None
-            assert self.surface is not None
             parameters["window"] = asdict(self.window)
-            return window_bytes(
-                self.table, self.surface, self.along, self.peaks, digests, parameters
-            )
+            return window_bytes(self.table, self.scores, digests, parameters)
         intended = self.loaded.comparison.intended()
         extra: dict[str, Any] = {"intended": intended and pose_content(intended)}
         if self.sightings:
@@ -112,11 +105,12 @@ class Answer:
         """The table as json, csv or markdown."""
         if form == "json":
             return self.json().decode()
-        if self.along is not None and self.surface is not None:
-            rows, columns = self.along[::-1].round(6).tolist(), self.along.round(6).tolist()
+        if self.scores is not None:
+            along, surface = self.scores.along, self.scores.surface
+            rows, columns = along[::-1].round(6).tolist(), along.round(6).tolist()
             if form == "csv":
-                return csv_text(rows, columns, self.surface, "up\\right")
-            return "\n".join(_markdown_surface(rows, columns, self.surface)) + "\n"
+                return csv_text(rows, columns, surface, "up\\right")
+            return "\n".join(_markdown_surface(rows, columns, surface)) + "\n"
         table = self.table
         if form == "csv":
             return csv_text(table.rows, table.columns, table.values, "position\\turn_deg")
@@ -140,22 +134,15 @@ def _markdown_surface(rows: list[float], columns: list[float], surface: Floats) 
 
 
 def window_answer(answer: Answer, window: CandidateWindow) -> Answer:
-    """The answer for a window: its peaks and the best score of all headings at each position.
+    """The answer for a window.
 
     Raises:
         DataError: all poses score the same, so that there is no peak.
     """
-    comparison, table = answer.loaded.comparison, answer.table
-    cell = comparison.grid.resolution if isinstance(comparison, ScanOnMap) else None
-    along, turns = window.axes(cell)
-    peaks = find_local_maxima(table, answer.settings.similarity, (along, turns), cell or 1.0)
-    scores = higher_is_better(
-        answer.settings.similarity, np.where(table.comparable(), table.values, np.nan)
-    )
-    highest = scores.max(axis=1).reshape(len(along), len(along))[::-1]
-    surface = np.where(np.isfinite(highest), -highest if table.lower else highest, np.nan)
-    along_m = along * (cell or 1.0)
-    return replace(answer, window=window, along=along_m, surface=surface + 0.0, peaks=peaks)
+    comparison = answer.loaded.comparison
+    assert isinstance(comparison, ScanOnMap | LandmarksOnMap)  # others have no windows
+    scores = window_scores(answer.table, window, comparison.cell)
+    return replace(answer, window=window, scores=scores)
 
 
 def write_png(answer: Answer) -> bytes:
@@ -163,10 +150,8 @@ def write_png(answer: Answer) -> bytes:
     from mapcli.pictures import similarity as picture
 
     comparison = answer.loaded.comparison
-    if answer.peaks is not None and answer.surface is not None and answer.along is not None:
-        return picture.heat_map(
-            answer.surface, answer.along, answer.peaks, lower=answer.table.lower
-        )
+    if answer.scores is not None:
+        return picture.heat_map(answer.scores, lower=answer.table.lower)
     best = _best_of(answer)
     if isinstance(comparison, LandmarksOnMap):
         assert best.pose is not None  # landmarks always have one
@@ -175,15 +160,15 @@ def write_png(answer: Answer) -> bytes:
             comparison.world.points, poses, comparison.landmarks.measured, best.pose
         )
     assert isinstance(comparison, ScanOnMap | GridsOnMap)
-    low = answer.settings.low
-    signs, perceived, corner = crop_to_perception(
+    low = answer.scoring.low
+    cells, perceived, corner = crop_to_perception(
         ternary_cells(comparison.grid, low), comparison.perceived(best, near=True)
     )
     robot = None
     if best.pose is not None:
         u, v, theta = pose_in_cells(comparison.grid, best.pose)
-        robot = (corner[1] + len(signs) - v - 0.5, u - corner[0] - 0.5, theta)
-    return picture.panels(signs, perceived, robot, best, answer.settings.similarity)
+        robot = (corner[1] + len(cells) - v - 0.5, u - corner[0] - 0.5, theta)
+    return picture.panels(cells, perceived, robot, best, answer.scoring.similarity)
 
 
 def _best_of(answer: Answer) -> ScoredCandidate:
@@ -218,5 +203,5 @@ def write_update(name: str, answer: Answer, *, no_clobber: bool) -> None:
         write_all(name, {name: data}, no_clobber=no_clobber)
         return
     assert not isinstance(comparison, ReadingsInDatabase)
-    grid = map_after(comparison, answer.best, answer.settings.low)
+    grid = map_after(comparison, answer.best, answer.scoring.low)
     write_all(name, map_files(name, grid), no_clobber=no_clobber)

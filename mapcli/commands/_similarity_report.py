@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mapcli.commands._similarity_inputs import GridsOnMap, ScanOnMap
+from mapcli.algorithms.similarity.comparisons import GridsOnMap, ScanOnMap
 from mapcli.commands._similarity_outputs import Answer
 from mapcli.formats.documents.similarity_table import (
     number_text,
@@ -17,7 +17,8 @@ from mapcli.formats.documents.similarity_table import (
     turn_name,
 )
 from mapcli.model.counting import counted
-from mapcli.model.similarity import ScoredCandidate
+from mapcli.model.local_maxima import WindowScores
+from mapcli.model.similarity import ScoredCandidate, SimilarityTable
 
 MOST_NAMED = 15
 """Ties that are named one by one."""
@@ -26,7 +27,7 @@ MOST_NAMED = 15
 def report_lines(answer: Answer) -> list[str]:
     """The table, or what there is to say about a window, and the best pose."""
     lines = [_headline(answer), ""]
-    lines += _window_lines(answer) if answer.peaks else _best_lines(answer)
+    lines += _window_lines(answer.scores, answer.table) if answer.scores else _best_lines(answer)
     for seen in answer.located():
         lines.append(f"  obstacle  at {seen['distance']:g}, {seen['bearing_deg']:g} deg")
         lines += [f"            {place}" for place in _places(seen)]
@@ -70,18 +71,18 @@ def _cell(answer: Answer, candidate: ScoredCandidate) -> str:
     return f" (cell {row},{column})"
 
 
-def _window_lines(answer: Answer) -> Iterator[str]:
-    peaks, table = answer.peaks, answer.table
-    assert peaks is not None
-    side = len(answer.along) if answer.along is not None else 0
+def _window_lines(scores: WindowScores, table: SimilarityTable) -> Iterator[str]:
+    maxima, side = scores.maxima, len(scores.along)
     yield f"  window    {side} x {side} positions, {len(table.columns)} headings"
-    yield f"  peak      {number_text(peaks.peak.score)} at {_pose(peaks.peak)}"
-    if peaks.second is None:
+    yield f"  peak      {number_text(maxima.peak.score)} at {_pose(maxima.peak)}"
+    if maxima.second is None:
         yield "  second    no other peak in the window"
     else:
-        share = "" if peaks.second_share is None else f", {100 * peaks.second_share:.0f} % as high"
-        yield f"  second    {number_text(peaks.second.score)} at {_pose(peaks.second)}{share}"
-    x, y, theta = np.sqrt(np.diag(peaks.covariance))
+        share = (
+            "" if maxima.second_share is None else f", {100 * maxima.second_share:.0f} % as high"
+        )
+        yield f"  second    {number_text(maxima.second.score)} at {_pose(maxima.second)}{share}"
+    x, y, theta = np.sqrt(np.diag(maxima.covariance))
     yield f"  spread    x {x:.3g}, y {y:.3g}, heading {math.degrees(theta):.3g} deg"
 
 
@@ -106,11 +107,12 @@ def _places(seen: dict[str, dict[str, float] | None]) -> Iterator[str]:
 def notes(answer: Answer) -> Iterator[str]:
     """What a reader of the table should know."""
     table, best = answer.table, answer.best
-    if answer.peaks is not None:
-        if answer.peaks.at_border:
+    if answer.scores is not None:
+        maxima = answer.scores.maxima
+        if maxima.at_border:
             yield "the peak lies at the border of the window; the true pose may be outside"
-        if answer.peaks.plateau > 1:
-            yield f"{answer.peaks.plateau:,} poses score the same as the peak; the one nearest to "\
+        if maxima.plateau > 1:
+            yield f"{maxima.plateau:,} poses score the same as the peak; the one nearest to "\
                   "the intended pose is named"  # fmt: skip
         return
     winners = table.winners()

@@ -8,11 +8,10 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.similarity.candidate_poses import neighbour_candidates
 from mapcli.algorithms.similarity.expected_perception import (
     RangeSensor,
-    landmark_database,
-    scan_database,
+    expect_perceptions,
+    perception_at_intended,
 )
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._map_options import dialect_option
@@ -35,9 +34,6 @@ from mapcli.model.perception import (
     STEPS,
     TURNS_DEG,
     IntendedPose,
-    LandmarkPerception,
-    PerceptionDatabase,
-    ScanPerception,
 )
 from mapcli.model.pose import Pose2D
 from mapcli.model.world import World
@@ -126,31 +122,23 @@ def command(
         place = IntendedPose(pose.theta, (pose.x, pose.y)) if pose else IntendedPose(
             math.radians(heading_deg), cell=cell)  # fmt: skip
         try:
+            world = _world(source, dialect, quiet=quiet)
             sensor = RangeSensor(beams, fov_deg, range_max)
-            perception = _from_map(source, place, (steps, turns_deg), sensor, dialect, quiet=quiet)
+            database = expect_perceptions(world, place, steps, turns_deg, sensor)
         except DataError as error:
             error.file = error.file or source
             raise
-        data, said = _written(perception, place, (steps, turns_deg), out, alone=alone)
+        content: Writable = database
+        said = f"{len(database.expectations)} poses, {database.of}"
+        if alone:
+            content = perception_at_intended(database, place, steps, turns_deg)
+            said = f"1 pose, {database.of}"
+        data = dump_perception(content, out)
     if out != "-":
         Path(out).parent.mkdir(parents=True, exist_ok=True)
     write_bytes(out, data, no_clobber=no_clobber)
     if not quiet:
         click.echo(said, err=True)
-
-
-def _from_map(
-    source: str, place: IntendedPose, around: tuple[tuple[float, ...], tuple[float, ...]],
-    sensor: RangeSensor, dialect: Any, *, quiet: bool,
-) -> PerceptionDatabase:  # fmt: skip
-    world = _world(source, dialect, quiet=quiet)
-    intended = place.pose(world if isinstance(world, GridMap) else None)
-    # The intended heading is always there, whatever the turns.
-    steps, turns = around[0], tuple(dict.fromkeys((0.0, *around[1])))
-    candidates = neighbour_candidates(steps, turns)
-    if isinstance(world, World) and len(world.points):
-        return landmark_database(world, intended, candidates)
-    return scan_database(world, intended, candidates, sensor)
 
 
 def _world(source: str, dialect: Any, *, quiet: bool) -> World | GridMap:
@@ -166,25 +154,6 @@ def _world(source: str, dialect: Any, *, quiet: bool) -> World | GridMap:
     for warning in () if quiet else warnings:
         click.echo(f"Warning: {source}: {warning}", err=True)
     return world
-
-
-def _written(
-    database: PerceptionDatabase, place: IntendedPose,
-    around: tuple[tuple[float, ...], tuple[float, ...]], out: str, *, alone: bool,
-) -> tuple[bytes, str]:  # fmt: skip
-    """The file's bytes, and what to say about it."""
-    content: Writable = database
-    said = f"{len(database.expectations)} poses, {database.of}"
-    if alone:
-        readings = database.expectations[0].readings
-        content = (
-            LandmarkPerception(place, readings, *around)
-            if database.of == "landmarks"
-            else ScanPerception(place, readings, database.range_max, steps=around[0],
-                                turns_deg=around[1])
-        )  # fmt: skip
-        said = f"1 pose, {database.of}"
-    return dump_perception(content, out), said
 
 
 def _from_log(

@@ -10,8 +10,16 @@ from typing import Any
 import click
 
 from mapcli.algorithms.similarity.candidate_poses import CandidateWindow
-from mapcli.algorithms.similarity.grid_table import FREE_THRESHOLD
+from mapcli.algorithms.similarity.comparisons import (
+    BEARING_WEIGHT,
+    LandmarksOnMap,
+    ReadingsInDatabase,
+    ScanOnMap,
+    Scoring,
+    score_comparison,
+)
 from mapcli.algorithms.similarity.measures import SIMILARITIES
+from mapcli.algorithms.similarity.ternary_map import FREE_THRESHOLD
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import (
     FILE,
@@ -23,20 +31,12 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import check_outputs
-from mapcli.commands._similarity_inputs import (
-    LandmarksOnMap,
-    Loaded,
-    ReadingsInDatabase,
-    ScanOnMap,
-    Settings,
-    load_comparison,
-)
+from mapcli.commands._similarity_inputs import Loaded, load_comparison
 from mapcli.commands._similarity_outputs import Answer, window_answer, write_png, write_update
 from mapcli.commands._similarity_report import notes, report_lines
 from mapcli.errors import DataError
 from mapcli.formats.maps.save import SUFFIXES
 from mapcli.formats.output import write_bytes
-from mapcli.model.similarity import SimilarityTable
 
 FORMATS = ("table", "json", "csv", "markdown")
 
@@ -52,7 +52,7 @@ USUAL_WINDOW = CandidateWindow(0.0, 15.0)
               "--database]")  # fmt: skip
 @click.option("--low", type=Number(0, 1, min_open=True), default=FREE_THRESHOLD, show_default=True,
               help="A known cell below this counts as empty.")  # fmt: skip
-@click.option("--bearing-weight", type=NOT_NEGATIVE, default=1.0, show_default=True,
+@click.option("--bearing-weight", type=NOT_NEGATIVE, default=BEARING_WEIGHT, show_default=True,
               help="What a radian of bearing counts against a unit of distance.")  # fmt: skip
 @click.option("--database", metavar="F", type=FILE, help="Score against these perceptions, as "
               "`mapcli perceive` writes them, instead of a MAP.")  # fmt: skip
@@ -124,12 +124,11 @@ def command(
     check_outputs(outputs, [*files, *filter(None, [database])], "inputs", no_clobber=no_clobber)
     loaded = load_comparison(files, database, dialect, low)
     _check(loaded, window, png, update, sightings)
-    readings = isinstance(loaded.comparison, LandmarksOnMap | ReadingsInDatabase)
-    settings = Settings(similarity or ("l1" if readings else "product"), low, bearing_weight)
+    measure = similarity or loaded.comparison.default_similarity
+    scoring = Scoring(measure, low, bearing_weight)
     with _naming(loaded.perception):
-        table = loaded.comparison.table(settings, window)
-        _must_overlap(table)
-        answer = Answer(loaded, settings, table, sightings)
+        table = score_comparison(loaded.comparison, scoring, window)
+        answer = Answer(loaded, scoring, table, sightings)
         if window is not None:
             answer = window_answer(answer, window)
         _print(answer, form, quiet=quiet, to_stderr="-" in outputs)
@@ -203,12 +202,3 @@ def _check(
         and Path(str(update)).suffix.lower() not in SUFFIXES
     ):
         raise click.UsageError(f"--update {update}: does not end in {', '.join(SUFFIXES)}.")
-
-
-def _must_overlap(table: SimilarityTable) -> None:
-    if not (table.overlap > 0).any():
-        raise DataError(
-            "does not overlap what the map knows at any candidate pose, so nothing can be "
-            "concluded",
-            expected="a pose from which the sensor sees known cells, or landmarks that were seen",
-        )

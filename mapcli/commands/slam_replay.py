@@ -11,8 +11,9 @@ import click
 from mapcli.algorithms.scans.perception import PerceptionParameters
 from mapcli.algorithms.similarity.measures import SIMILARITIES
 from mapcli.algorithms.slam.local_map import LocalMapParameters
+from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.match import MatchParameters
-from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
+from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.commands._limit_option import LimitType
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes

@@ -70,12 +70,15 @@ class SimilarityTable:
         """Where the candidate overlaps the map, so that its score says something."""
         return (self.overlap > 0) & ~np.isnan(self.values)
 
+    def ascending_scores(self) -> NDArray[np.float64]:
+        """The scores, turned so that the highest is the best; -inf where nothing is comparable."""
+        return np.where(self.comparable(), -self.values if self.lower else self.values, -np.inf)
+
     def winners(self) -> list[ScoredCandidate]:
         """The best candidate, and all others that score the same, row by row."""
-        able = self.comparable()
-        if not able.any():
+        scores = self.ascending_scores()
+        if not self.comparable().any():
             return []
-        scores = np.where(able, -self.values if self.lower else self.values, -np.inf)
         return [self[int(r), int(c)] for r, c in np.argwhere(scores >= scores.max() - EQUAL)]
 
     def best(self) -> ScoredCandidate | None:
@@ -93,6 +96,6 @@ class SimilarityTable:
             able[winner.place] = False
         if not able.any():
             return None
-        scores = np.where(able, -self.values if self.lower else self.values, -np.inf)
+        scores = np.where(able, self.ascending_scores(), -np.inf)
         row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
         return self[int(row), int(column)]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from mapcli.formats.documents.similarity_table import number_text, position_name, turn_name
-from mapcli.model.local_maxima import LocalMaxima
+from mapcli.model.local_maxima import WindowScores
 from mapcli.model.pose import Pose2D
 from mapcli.model.similarity import ScoredCandidate
 from mapcli.pictures.drawing import (
@@ -130,13 +130,9 @@ def _robot(image: Image.Image, robot: tuple[float, float, float], size: float) -
     draw_disc(image, x, y, max(size / 5, 5), BLUE, WHITE, 1)
 
 
-def heat_map(surface: Floats, along: Floats, peaks: LocalMaxima, *, lower: bool) -> bytes:
-    """A PNG of the best score of all headings at each position of a window.
-
-    Args:
-        surface: shape (up, right), the highest position first; NaN where nothing overlaps.
-        along: steps from the intended pose, in the map's unit.
-    """
+def heat_map(scores: WindowScores, *, lower: bool) -> bytes:
+    """A PNG of the best score of all headings at each position of a window."""
+    surface, along, maxima = scores.surface, scores.along, scores.maxima
     side = len(along)
     size = max(1, min(SIDE * 1.3 / side, 60))
     values = -surface if lower else surface
@@ -151,15 +147,15 @@ def heat_map(surface: Floats, along: Floats, peaks: LocalMaxima, *, lower: bool)
     image = Image.new("RGB", (max(left + width + 160, 760), top + width + 3 * TITLE), WHITE)
     image.paste(plan, (left, top))
     _steps(image, along, (left, top, width))
-    score = number_text(peaks.peak.score)
+    score = number_text(maxima.peak.score)
     draw_text(image, (MARGIN, TITLE / 2), f"best score of all headings, peak {score}", LETTERS,
           anchor="lm")  # fmt: skip
     _bar(image, (left + width + 40, top, width), (low, high), lower=lower)
-    _peak(image, peaks.peak, along, (left, top, width), RED, "peak")
-    if peaks.second is not None:
-        _peak(image, peaks.second, along, (left, top, width), WHITE, "2")
-    told = "no second peak" if peaks.second is None else (
-        f"second peak (2): {number_text(peaks.second.score)}")  # fmt: skip
+    _peak(image, maxima.peak, along, (left, top, width), RED, "peak")
+    if maxima.second is not None:
+        _peak(image, maxima.second, along, (left, top, width), WHITE, "2")
+    told = "no second peak" if maxima.second is None else (
+        f"second peak (2): {number_text(maxima.second.score)}")  # fmt: skip
     draw_text(image, (MARGIN, image.height - TITLE / 2), told, LETTERS, anchor="lm", fill=FAINT_INK)
     return png_bytes(image)
 

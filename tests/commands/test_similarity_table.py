@@ -69,7 +69,7 @@ def test_the_corner(table: Table, perception: str) -> None:
 
 def test_the_grids_are_the_scans_written_out() -> None:
     """Fig. 9.20: of each of the fifteen, the part of five rows of eight cells."""
-    from mapcli.algorithms.similarity.candidate_poses import neighbour_candidates
+    from mapcli.algorithms.similarity.candidate_poses import CandidateFrame, neighbour_candidates
     from mapcli.algorithms.similarity.grid_table import scan_perception_map
 
     grid = load_map(CORNER).grid
@@ -81,7 +81,7 @@ def test_the_grids_are_the_scans_written_out() -> None:
     for candidate in written.candidates:
         place = candidates.names.index(candidate.position)
         turn = candidates.turns_deg.index(candidate.turn_deg)
-        pose = candidates.pose(scan.intended_pose.pose(grid), place, turn, 1.0, 0.0)
+        pose = candidates.pose(CandidateFrame(scan.intended_pose.pose(grid)), place, turn)
         perceived = scan_perception_map(grid, scan, pose)
         assert candidate.cells.shape == (5, 8)
         for (row, column), value in np.ndenumerate(candidate.cells):
@@ -280,7 +280,7 @@ def test_small_maps_load_nothing_heavy() -> None:
 
 
 def test_compiled_and_plain_tables_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    from mapcli.algorithms.similarity import grid_table as similarity_table
+    from mapcli.algorithms.similarity import grid_table
     from mapcli.algorithms.similarity.candidate_poses import CandidateWindow
 
     grid, scan = load_map(CORNER).grid, load_perception(SCAN)
@@ -288,8 +288,8 @@ def test_compiled_and_plain_tables_are_the_same(monkeypatch: pytest.MonkeyPatch)
     candidates = CandidateWindow(3, 45, None, 5).candidates(1.0)
     both = []
     for large in (math.inf, 0):
-        monkeypatch.setattr(similarity_table, "COMPILED_FROM", large)
-        both.append(similarity_table.scan_table(grid, scan, candidates, "product"))
+        monkeypatch.setattr(grid_table, "COMPILED_FROM", large)
+        both.append(grid_table.scan_table(grid, scan, candidates, "product"))
     np.testing.assert_array_equal(both[0].values, both[1].values)
     np.testing.assert_array_equal(both[0].overlap, both[1].overlap)
 

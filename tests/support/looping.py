@@ -15,8 +15,8 @@ from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import cast, edges_of
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopParameters
+from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.motion_model import MotionModel
-from mapcli.algorithms.slam.occupancy_grid import MapParameters
 from mapcli.algorithms.slam.scan_points import thinned
 from mapcli.model.pose import IDENTITY
 from mapcli.model.scan import Odometry, RangeScan, Record

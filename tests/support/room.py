@@ -9,9 +9,10 @@ import numpy as np
 from mapcli import Pose2D, World
 from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.scans.ray_casting import cast, edges_of
+from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.match import Match
 from mapcli.algorithms.slam.motion_model import OdometryUncertainty
-from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
+from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.model.pose import wrap_angle
 from mapcli.model.scan import RangeScan
 from mapcli.model.se2_uncertainty import StandardDeviations

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.slam._kernels.likelihood_field import update_likelihood_field
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
-from mapcli.algorithms.slam.occupancy_grid import MapParameters
+from mapcli.algorithms.slam.map_parameters import MapParameters
 
 Floats = NDArray[np.float64]
 

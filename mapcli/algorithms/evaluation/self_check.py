@@ -22,9 +22,10 @@ from mapcli.algorithms.evaluation.relations import evaluate_relations
 from mapcli.algorithms.evaluation.trajectory_error import nearest_stamps
 from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.slam.agreement import agreement
+from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.match import MIN_POINTS, MatchParameters
 from mapcli.algorithms.slam.motion_model import OdometryUncertainty
-from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
+from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.scan_matcher import match_scan
 from mapcli.algorithms.slam.scan_points import thinned
 from mapcli.errors import DataError

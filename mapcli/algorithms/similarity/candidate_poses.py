@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +26,18 @@ MAX_POSES = 20_000_000
 """Poses of a window; more would take minutes and gigabytes."""
 
 
+class CandidateFrame(NamedTuple):
+    """What candidates are relative to: the intended pose in the map's frame, the size of a cell (1
+    for maps without cells) and the yaw of the map's axes, radians."""
+
+    intended: Pose2D
+    cell: float = 1.0
+    yaw: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Positions times turns.
+    """Positions times headings.
 
     Attributes:
         names: of the positions.
@@ -40,10 +50,11 @@ class Candidates:
     offsets: Floats
     turns_deg: tuple[float, ...]
 
-    def pose(self, intended: Pose2D, position: int, turn: int, cell: float, yaw: float) -> Pose2D:
-        """The world pose of one of them, for a map with that cell size and yaw of its origin."""
-        du, dv = (float(value) * cell for value in self.offsets[position])
-        cos, sin = math.cos(yaw), math.sin(yaw)
+    def pose(self, frame: CandidateFrame, position: int, turn: int) -> Pose2D:
+        """The pose of one of them in the map's frame."""
+        intended = frame.intended
+        du, dv = (float(value) * frame.cell for value in self.offsets[position])
+        cos, sin = math.cos(frame.yaw), math.sin(frame.yaw)
         theta = wrap_angle(intended.theta + math.radians(self.turns_deg[turn]))
         return Pose2D(
             intended.x + cos * du - sin * dv, intended.y + sin * du + cos * dv, theta

@@ -1,6 +1,9 @@
-"""Line 6 of Algorithm 9.2, e <- expected(m, t): what a robot would perceive at a test position.
+"""e <- expected(m, t): what a robot would perceive at each candidate pose (Activity 9.5).
 
-Kept for all candidates, that is the database of perceptions of Activity 9.5.
+This is line 6 of the discrete Algorithm 9.2, Sect. 9.5 to 9.7, as `mapcli perceive` runs it: kept
+for all candidates, that is the database of perceptions of Activity 9.5, which `mapcli
+similarity-table --database` scores. `slam` never comes here: there line 6 is a look-up in the
+likelihood field (`slam/scan_matcher.py`) or a comparison in cells (`slam/book_matcher.py`).
 """
 
 from __future__ import annotations
@@ -12,10 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.ray_casting import cast, edges_of, is_inside
-from mapcli.algorithms.similarity.candidate_poses import Candidates
+from mapcli.algorithms.similarity.candidate_poses import (
+    CandidateFrame,
+    Candidates,
+    neighbour_candidates,
+)
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
-from mapcli.model.perception import ExpectedReadings, PerceptionDatabase
+from mapcli.model.perception import (
+    STEPS,
+    TURNS_DEG,
+    ExpectedReadings,
+    IntendedPose,
+    LandmarkPerception,
+    PerceptionDatabase,
+    ScanPerception,
+)
 from mapcli.model.pose import Pose2D
 from mapcli.model.world import World
 
@@ -48,10 +63,50 @@ class RangeSensor:
         return -math.radians(self.fov_deg) / 2 if self.beams > 1 else 0.0
 
 
+def expect_perceptions(
+    world: World | GridMap,
+    intended: IntendedPose,
+    steps: tuple[float, ...] = STEPS,
+    turns_deg: tuple[float, ...] = TURNS_DEG,
+    sensor: RangeSensor | None = None,
+) -> PerceptionDatabase:
+    """The database of Activity 9.5: what is expected at a pose and at the candidates around it.
+
+    Landmarks of a points map, else scans; the first is of the intended pose itself.
+
+    Args:
+        intended: the pose in the map.
+        steps: lengths of the steps to neighbouring positions, in cells (units without cells).
+        turns_deg: headings of the candidates; that of the intended pose, 0, is always there.
+        sensor: of the scans.
+
+    Raises:
+        DataError: the intended pose is outside the map or in an obstacle.
+    """
+    pose = intended.pose(world if isinstance(world, GridMap) else None)
+    candidates = neighbour_candidates(steps, tuple(dict.fromkeys((0.0, *turns_deg))))
+    if isinstance(world, World) and len(world.points):
+        return landmark_database(world, pose, candidates)
+    return scan_database(world, pose, candidates, sensor or RangeSensor())
+
+
+def perception_at_intended(
+    database: PerceptionDatabase,
+    intended: IntendedPose,
+    steps: tuple[float, ...] = STEPS,
+    turns_deg: tuple[float, ...] = TURNS_DEG,
+) -> LandmarkPerception | ScanPerception:
+    """The one perception at the intended pose, out of the database of `expect_perceptions`."""
+    readings = database.expectations[0].readings
+    if database.of == "landmarks":
+        return LandmarkPerception(intended, readings, steps, turns_deg)
+    return ScanPerception(intended, readings, database.range_max, steps=steps, turns_deg=turns_deg)
+
+
 def expected_ranges(edges: Floats, pose: Pose2D, sensor: RangeSensor) -> Floats:
     """Bearing and range of each beam, shape (n, 2); inf where nothing is in range.
 
-    `edges` are of `raycast.edges_of`.
+    `edges` are of `ray_casting.edges_of`.
     """
     ranges = cast(edges, pose, sensor.first, sensor.increment, sensor.beams, sensor.range_max)
     return np.column_stack([sensor.first + sensor.increment * np.arange(sensor.beams), ranges])
@@ -113,11 +168,11 @@ def landmark_database(world: World, intended: Pose2D, candidates: Candidates) ->
 def _poses(
     world: World | GridMap, intended: Pose2D, candidates: Candidates
 ) -> list[tuple[str, float, Pose2D]]:
-    cell, yaw = 1.0, 0.0
+    frame = CandidateFrame(intended)
     if isinstance(world, GridMap):
-        cell, yaw = world.resolution, world.origin.theta
+        frame = CandidateFrame(intended, world.resolution, world.origin.theta)
     return [
-        (name, turn_deg, candidates.pose(intended, r, c, cell, yaw))
+        (name, turn_deg, candidates.pose(frame, r, c))
         for r, name in enumerate(candidates.names)
         for c, turn_deg in enumerate(candidates.turns_deg)
     ]

@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
-from mapcli.algorithms.similarity.candidate_poses import Candidates, neighbour_candidates
+from mapcli.algorithms.similarity.candidate_poses import (
+    CandidateFrame,
+    Candidates,
+    neighbour_candidates,
+)
 from mapcli.algorithms.similarity.measures import (
     LOWER_IS_BETTER,
     Similarity,
-    TernaryMap,
     similarity_of_counts,
 )
 from mapcli.algorithms.similarity.perception_map import (
@@ -23,14 +26,16 @@ from mapcli.algorithms.similarity.perception_map import (
     perception_map,
     scan_outline,
 )
+from mapcli.algorithms.similarity.ternary_map import (
+    FREE_THRESHOLD,
+    TernaryMap,
+    ternary_cells,
+)
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.perception import GridPerceptions, ScanPerception
 from mapcli.model.pose import Pose2D
 from mapcli.model.similarity import SimilarityTable
-
-FREE_THRESHOLD = 0.5
-"""A known cell below it is empty (Sect. 9.2)."""
 
 COMPILED_FROM = 1_000_000
 """Poses times beams from which on compiled loops are worth the second that loading them takes."""
@@ -38,16 +43,8 @@ COMPILED_FROM = 1_000_000
 Floats = NDArray[np.float64]
 
 
-def ternary_cells(grid: GridMap, low: float = FREE_THRESHOLD) -> NDArray[np.int8]:
-    """The map as a matrix of Sect. 9.5, bottom-up: -1 empty, +1 obstacle, 0 unknown."""
-    cells = grid.bottom_up()
-    signs = np.where(cells < np.float32(low), -1, 1).astype(np.int8)
-    signs[np.isnan(cells)] = 0
-    return signs
-
-
 def perception_of_scan(scan: ScanPerception) -> Perception:
-    """A perception file's scan as the replay has them: ends of beams in the robot's frame."""
+    """The ends of a scan's beams in the robot's frame, as `slam-replay` has them."""
     bearing, reach = scan.beams.T
     rays = np.column_stack([np.cos(bearing), np.sin(bearing)])
     hit = reach <= scan.range_max
@@ -59,7 +56,8 @@ def perception_of_scan(scan: ScanPerception) -> Perception:
 
 
 def pose_in_cells(grid: GridMap, pose: Pose2D) -> Floats:
-    """(u, v, theta) of a world pose in a map's cells, u along its rows and v up its columns."""
+    """(u, v, theta) of a pose in the map's frame: u in cells along its rows, v up its columns,
+    theta in radians from its rows."""
     row, column = grid.fractional_cells_of_world([[pose.x, pose.y]])[0]
     return np.array([column + 0.5, grid.rows - row - 0.5, pose.theta - grid.origin.theta])
 
@@ -73,7 +71,7 @@ def scan_pair_counts(
     *,
     compiled: bool = False,
 ) -> NDArray[np.int64]:
-    """Expected and current map compared at every candidate (lines 6 and 7).
+    """Compare a scan with the map at every candidate pose (lines 6 and 7 of Algorithm 9.2).
 
     Moved by whole cells, a perception map stays the same, so one for each turn is enough.
 
@@ -84,7 +82,7 @@ def scan_pair_counts(
         compiled: with the loops compiled by numba.
 
     Returns:
-        shape (turns, k, 2, 2), see `TernaryMap.counts`.
+        shape (turns, k, 2, 2), see `TernaryMap.pair_counts`.
     """
     result = np.zeros((len(turns), len(offsets), 2, 2), np.int64)
     whole = np.floor(offsets + 1e-9).astype(np.int64)
@@ -98,7 +96,7 @@ def scan_pair_counts(
                       current.rows - int(low[1]))  # fmt: skip
             pose = start + np.append(part, turn)
             perceived = perception_map(scan, pose, within, compiled=compiled)
-            result[k, group == g] = current.counts(perceived, shifts, compiled=compiled)
+            result[k, group == g] = current.pair_counts(perceived, shifts, compiled=compiled)
     return result
 
 
@@ -125,8 +123,8 @@ def scan_table(
         > COMPILED_FROM,
     ).swapaxes(0, 1)
     values, overlap = similarity_of_counts(similarity, counts), counts.sum(axis=(2, 3))
-    cell, yaw = grid.resolution, grid.origin.theta
-    return table_of(similarity, candidates, values, overlap, (intended, cell, yaw))
+    frame = CandidateFrame(intended, grid.resolution, grid.origin.theta)
+    return table_of(similarity, candidates, values, overlap, frame)
 
 
 def scan_perception_map(
@@ -153,7 +151,7 @@ def grid_table(
     overlap = np.zeros(values.shape, np.int64)
     for k, c in enumerate(given):
         place = rows.index(c.position), columns.index(c.turn_deg)
-        counts = current.counts(candidate_perception_map(grid, perception, k), here)[0]
+        counts = current.pair_counts(candidate_perception_map(grid, perception, k), here)[0]
         values[place], overlap[place] = similarity_of_counts(similarity, counts), counts.sum()
     usual = neighbour_candidates(perception.steps, columns)
     intended = None if perception.intended_pose is None else perception.intended_pose.pose(grid)
@@ -162,7 +160,8 @@ def grid_table(
         if intended is None or rows[row] not in usual.names:
             return None
         place = usual.names.index(rows[row]), column
-        return usual.pose(intended, *place, grid.resolution, grid.origin.theta)
+        frame = CandidateFrame(intended, grid.resolution, grid.origin.theta)
+        return usual.pose(frame, *place)
 
     lower = similarity in LOWER_IS_BETTER
     missing = values.size - len(given)
@@ -201,12 +200,10 @@ def table_of(
     candidates: Candidates,
     values: Floats,
     overlap: NDArray[np.int64],
-    place: tuple[Pose2D, float, float],
+    frame: CandidateFrame,
 ) -> SimilarityTable:
-    """The table of candidates around an intended pose; `place` is that pose, the size of a cell
-    and the yaw of the map."""
-    intended, cell, yaw = place
+    """The table of candidates around an intended pose."""
     return SimilarityTable(
         similarity, similarity in LOWER_IS_BETTER, candidates.names, candidates.turns_deg,
-        values, overlap, lambda r, c: candidates.pose(intended, r, c, cell, yaw),
+        values, overlap, lambda r, c: candidates.pose(frame, r, c),
     )  # fmt: skip

@@ -1,11 +1,12 @@
-"""How similar a perception is to a map: S of Sect. 9.5, and five others to experiment with.
+"""How similar a perception is to a map: S of Sect. 9.5, and five other measures.
 
-Matrices hold -1 (empty), +1 (obstacle) and 0 (unknown), and only cells that both matrices know
-are compared (Sect. 9.7). So four counts say everything: how many cells are obstacle or empty in
-the map m, and obstacle or empty in the perception p. With `agree` and `differ` of `overlap` cells,
+Matrices hold -1 (empty), +1 (obstacle) and 0 (unknown), and only cells that both the map m and the
+perception p know are compared (Sect. 9.7); the book's S(i, j) = m(i, j) p(i, j) is 0 for all
+others. So four counts of cells say everything: empty or obstacle in p, times empty or obstacle in m
+(`TernaryMap.pair_counts`). Where `agree` of these cells are equal and `differ` are not,
 
-    product      S = sum of m(i, j) p(i, j) = agree - differ
-    agreement    agree / overlap
+    product      S = sum of S(i, j) = agree - differ
+    agreement    agree / (agree + differ)
     jaccard      cells that are obstacle in both / cells that are obstacle in one of the two
     correlation  of m and p (Pearson); none where one of them is the same everywhere
     l1           sum of |m - p| = 2 differ                     lower is better
@@ -28,121 +29,43 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.similarity.perception_map import PerceptionMap
-
 Floats = NDArray[np.float64]
-Counts = NDArray[np.int64]
 
 Similarity = Literal["product", "agreement", "jaccard", "correlation", "l1", "l2"]
 SIMILARITIES: tuple[Similarity, ...] = get_args(Similarity)
 
 LOWER_IS_BETTER: frozenset[Similarity] = frozenset({"l1", "l2"})
 
-_AT_ONCE = 2_000_000
-"""Places looked up at a time, which bounds the memory."""
-
 
 def higher_is_better(similarity: Similarity, scores: Floats) -> Floats:
-    """Scores of which the highest is the best; -inf where there is none."""
+    """The scores, turned so that the highest is the best; -inf where there is none (NaN)."""
     signed = -scores if similarity in LOWER_IS_BETTER else scores
     return np.where(np.isnan(signed), -np.inf, signed)
 
 
-class TernaryMap:
-    """The current map m, made ready for summing along its rows.
+def similarity_of_counts(similarity: Similarity, counts: NDArray[np.int64]) -> Floats:
+    """The similarity of perceptions to a map, see the module.
 
-    Attributes:
-        rows, columns: its size.
+    Args:
+        counts: shape (..., 2, 2), as of `TernaryMap.pair_counts`.
+
+    Returns:
+        shape (...), NaN where it is not defined; `product` of nothing is 0.
     """
-
-    def __init__(self, signs: NDArray[np.int8]) -> None:
-        """From -1, 0 and +1, shape (rows, columns), bottom-up."""
-        self.rows, self.columns = signs.shape
-        # Obstacles so far in a row are counted in the upper half of a number, empty cells in the
-        # lower one. The last row is for everything above and below the map.
-        steps = np.zeros((self.rows + 1, self.columns + 1), np.int64)
-        steps[:-1, 1:] = (signs == 1) * np.int64(1 << 32) + (signs == -1)
-        self._sums = np.cumsum(steps, axis=1)
-
-    def counts(
-        self, perceived: PerceptionMap, offsets: Counts, *, compiled: bool = False
-    ) -> Counts:
-        """How the perception compares with the map when it is moved by whole cells.
-
-        Args:
-            perceived: the perception map.
-            offsets: shape (k, 2), cells to the right and up.
-            compiled: sum with a loop compiled by numba, which takes longer to load.
-
-        Returns:
-            shape (k, 2, 2): cells by what p holds (empty, obstacle) and what m holds.
-        """
-        if compiled:
-            from mapcli.algorithms.similarity._kernels.pair_counts import count, find_runs
-
-            found = find_runs(perceived.values)
-            counted: Counts = count(self._sums, *_placed_runs(found, perceived), offsets)
-            return counted
-        row, start, end, obstacle = _placed_runs(runs(perceived.values), perceived)
-        result = np.zeros((len(offsets), 2, 2), np.int64)
-        chunk = max(_AT_ONCE // max(len(row), 1), 1)
-        for first in range(0, len(offsets), chunk):
-            part = slice(first, first + chunk)
-            sums = self._within(row, start, end, offsets[part])
-            for p, of in enumerate((~obstacle, obstacle)):
-                total = sums[:, of].sum(axis=1)
-                result[part, p, 0] = total & 0xFFFFFFFF
-                result[part, p, 1] = total >> 32
-        return result
-
-    def _within(self, row: Counts, start: Counts, end: Counts, offsets: Counts) -> Counts:
-        """What each run covers at each offset, shape (k, runs)."""
-        rows = row + offsets[:, 1:]
-        rows[(rows < 0) | (rows >= self.rows)] = self.rows
-        rows *= self.columns + 1
-        flat = self._sums.ravel()
-        right = np.clip(end + offsets[:, :1], 0, self.columns)
-        left = np.clip(start + offsets[:, :1], 0, self.columns)
-        covered: Counts = flat[rows + right] - flat[rows + left]
-        return covered
-
-
-def runs(values: NDArray[np.int8]) -> Counts:
-    """Row, first and end column, and content of equal known cells side by side, shape (n, 4)."""
-    framed = np.pad(values, ((0, 0), (1, 1)))
-    row, column = np.nonzero(framed[:, 1:] != framed[:, :-1])
-    begins, ends = framed[row, column + 1] != 0, framed[row, column] != 0
-    row, start = row[begins], column[begins]
-    return np.column_stack([row, start, column[ends], framed[row, start + 1]]).astype(np.int64)
-
-
-def _placed_runs(
-    found: Counts, perceived: PerceptionMap
-) -> tuple[Counts, Counts, Counts, NDArray[np.bool_]]:
-    """Rows, first and end columns in the map, and which runs are obstacles."""
-    row, start, end, value = found.T
-    left = perceived.left
-    return row + perceived.bottom, start + left, end + left, value == 1
-
-
-def similarity_of_counts(similarity: Similarity, counts: Counts) -> Floats:
-    """The similarity of matrices from their counts, shape (..., 2, 2); see the module.
-
-    NaN where it is not defined; `product` of nothing is 0.
-    """
-    empty, missed, wrong, wall = (
+    empty, only_m, only_p, obstacle = (
         counts[..., p, m].astype(np.float64) for p, m in ((0, 0), (0, 1), (1, 0), (1, 1))
     )
-    agree, differ = empty + wall, missed + wrong
+    agree, differ = empty + obstacle, only_m + only_p
     if similarity == "product":
         return agree - differ
     if similarity == "agreement":
         return _share(agree, agree + differ)
     if similarity == "jaccard":
-        return _share(wall, wall + differ)
+        return _share(obstacle, obstacle + differ)
     if similarity == "correlation":
-        margins = (empty + missed) * (wrong + wall) * (empty + wrong) * (missed + wall)
-        return _share(empty * wall - missed * wrong, np.sqrt(margins))
+        in_p = (empty + only_m) * (only_p + obstacle)
+        margins = in_p * (empty + only_p) * (only_m + obstacle)
+        return _share(empty * obstacle - only_m * only_p, np.sqrt(margins))
     distance = 2 * differ if similarity == "l1" else 2 * np.sqrt(differ)
     return np.where(agree + differ > 0, distance, np.nan)
 
@@ -183,8 +106,8 @@ def _correlation(e: Floats, m: Floats, known: NDArray[np.bool_]) -> Floats:
     weight = known[..., None]
     de = (e - e.sum(axis=(1, 2), keepdims=True) / count) * weight
     dm = (m - m.sum(axis=(1, 2), keepdims=True) / count) * weight
-    spread = np.sqrt((de**2).sum(axis=(1, 2)) * (dm**2).sum(axis=(1, 2)))
-    return _share((de * dm).sum(axis=(1, 2)), np.where(spread < 1e-12, 0.0, spread))
+    scale = np.sqrt((de**2).sum(axis=(1, 2)) * (dm**2).sum(axis=(1, 2)))
+    return _share((de * dm).sum(axis=(1, 2)), np.where(scale < 1e-12, 0.0, scale))
 
 
 def _share(part: NDArray[np.number], whole: NDArray[np.number]) -> Floats:

@@ -3,9 +3,9 @@
 The scan is drawn as two outlines around the laser. The *face* runs along what the beams hit (or
 along the end of their range), the *back* one cell behind it, since any wall is taken to be one
 cell thick. Between neighbouring beams that hit, the wall is the straight line between their ends.
-Where that line would be grazed by more than GRAZING it is no wall but a jump from one thing to
+Where that line would be grazed by more than 75 degrees it is no wall but a jump from one thing to
 another, and each beam answers for half of the gap. Beams with a wide gap between them (more than
-one and a half times the usual one) answer for half the usual spacing, at most WIDEST / 2, to
+one and a half times the usual one) answer for half the usual spacing, at most MAX_CONE / 2, to
 either side; what lies between them is hidden.
 
 With the exact areas of a cell in front of the face (free), between face and back (wall) and the
@@ -40,14 +40,14 @@ Floats = NDArray[np.float64]
 Box = tuple[int, int, int, int]
 """Left, bottom, right, top in cells, the latter two one past the last."""
 
-GRAZING = math.cos(math.radians(75))
-WIDEST = math.radians(30)
+GRAZING_COSINE = math.cos(math.radians(75))
+MAX_CONE = math.radians(30)
 """The cone of a lone range sensor, such as an ultrasonic one."""
 
-LARGEST = 20_000_000
+MAX_CELLS = 20_000_000
 """Cells of a perception map; more means that range and map have different units."""
 
-EXACT = 1e-9
+TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +93,8 @@ def scan_outline(perception: Perception, cell: float, walls: Walls = "thick") ->
     if not len(ends):
         return ScanOutline(none, none, none)
     gap = np.diff(bearing, append=bearing[0] + math.tau)
-    usual = min(WIDEST, float(np.sort(gap)[(len(gap) - 1) // 2]))
-    joined = gap <= 1.5 * usual + EXACT
+    usual = min(MAX_CONE, float(np.sort(gap)[(len(gap) - 1) // 2]))
+    joined = gap <= 1.5 * usual + TOLERANCE
     half = np.where(joined, gap, usual) / 2
     after = np.roll(np.arange(len(ends)), -1)
     middle, distance, wall = _walls(ends, ends[after], hit & hit[after] & joined)
@@ -128,9 +128,9 @@ def _walls(
     middle, along = (a + b) / 2, b - a
     length = np.hypot(along[:, 0], along[:, 1])
     area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
-    distance = area / np.where(length > EXACT, length, 1.0)
-    faces = distance >= GRAZING * np.hypot(middle[:, 0], middle[:, 1])
-    return middle, distance, candidates & faces & (distance > EXACT) & (length > EXACT)
+    distance = area / np.where(length > TOLERANCE, length, 1.0)
+    faces = distance >= GRAZING_COSINE * np.hypot(middle[:, 0], middle[:, 1])
+    return middle, distance, candidates & faces & (distance > TOLERANCE) & (length > TOLERANCE)
 
 
 def perception_map(
@@ -149,61 +149,61 @@ def perception_map(
     """
     if not len(scan.face):
         return PerceptionMap(np.zeros((0, 0), np.int8), 0, 0)
-    face, back = _placed(scan.face, pose), _placed(scan.back, pose)
-    box = _box(back, within)
+    face, back = _transformed(scan.face, pose), _transformed(scan.back, pose)
+    box = _bounding_box(back, within)
     if compiled:
-        from mapcli.algorithms.similarity._kernels.pair_counts import draw
+        from mapcli.algorithms.similarity._kernels.perception_map import draw_perception_map
 
         rows, columns = box[3] - box[1], box[2] - box[0]
-        values = draw(face, back, box[0], box[1], rows, columns, EXACT)
+        values = draw_perception_map(face, back, box[0], box[1], rows, columns, TOLERANCE)
     else:
-        values = _drawn(face, back, box)
+        values = _majority_rule(face, back, box)
     if len(scan.ends):
-        u, v = (np.floor(_placed(scan.ends, pose)).astype(np.int64) - box[:2]).T
+        u, v = (np.floor(_transformed(scan.ends, pose)).astype(np.int64) - box[:2]).T
         inside = (u >= 0) & (v >= 0) & (u < values.shape[1]) & (v < values.shape[0])
         values[v[inside], u[inside]] = 1
     return PerceptionMap(values, box[0], box[1])
 
 
-def _drawn(face: Floats, back: Floats, box: Box) -> NDArray[np.int8]:
+def _majority_rule(face: Floats, back: Floats, box: Box) -> NDArray[np.int8]:
     """The majority rule for every cell of a box."""
-    free = covered(face, box)
-    wall = covered(back, box) - free
+    free = covered_area(face, box)
+    wall = covered_area(back, box) - free
     values = np.zeros(free.shape, np.int8)
-    values[free > 0.5 + EXACT] = -1
-    values[(wall >= 0.5 - EXACT) & (wall > 1 - free - wall + EXACT)] = 1
+    values[free > 0.5 + TOLERANCE] = -1
+    values[(wall >= 0.5 - TOLERANCE) & (wall > 1 - free - wall + TOLERANCE)] = 1
     return values
 
 
-def _placed(points: Floats, pose: Floats) -> Floats:
+def _transformed(points: Floats, pose: Floats) -> Floats:
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     u, v = points[:, 0], points[:, 1]
     return np.column_stack([pose[0] + cos * u - sin * v, pose[1] + sin * u + cos * v])
 
 
-def _box(points: Floats, within: Box | None) -> Box:
+def _bounding_box(points: Floats, within: Box | None) -> Box:
     low, high = points.min(axis=0), points.max(axis=0)
-    if not (np.abs(points) < 1e9).all() or (high - low).sum() > LARGEST / 10:
-        raise _too_large(high - low)
+    if not (np.abs(points) < 1e9).all() or (high - low).sum() > MAX_CELLS / 10:
+        raise _perception_too_large(high - low)
     left, bottom = (math.floor(value) for value in low)
     right, top = (math.floor(value) + 1 for value in high)
     if within is not None:
         left, right = max(left, within[0]), min(right, within[2])
         bottom, top = max(bottom, within[1]), min(top, within[3])
     right, top = max(left, right), max(bottom, top)
-    if (right - left) * (top - bottom) > LARGEST:
-        raise _too_large(high - low)
+    if (right - left) * (top - bottom) > MAX_CELLS:
+        raise _perception_too_large(high - low)
     return left, bottom, right, top
 
 
-def _too_large(size: Floats) -> DataError:
+def _perception_too_large(size: Floats) -> DataError:
     return DataError(
         f"the perception is {size[0]:,.0f} cells wide",
         expected="ranges in the unit of the map, and a range_max that ends open beams",
     )
 
 
-def covered(path: Floats, box: Box) -> Floats:
+def covered_area(path: Floats, box: Box) -> Floats:
     """The share of each cell that lies inside a closed path, exactly: shape (rows, columns).
 
     Args:
@@ -219,7 +219,7 @@ def covered(path: Floats, box: Box) -> Floats:
     area = np.zeros((rows, columns + 2))
     if not rows or not columns:
         return area[:, :columns]
-    a, b = _cut(path, np.roll(path, -1, axis=0))
+    a, b = _cut_at_cells(path, np.roll(path, -1, axis=0))
     middle = (a + b) / 2
     row = np.floor(middle[:, 1]).astype(np.int64) - bottom
     x = np.clip(middle[:, 0] - left, 0.0, columns)
@@ -233,7 +233,7 @@ def covered(path: Floats, box: Box) -> Floats:
     return np.cumsum(area, axis=1)[:, :columns]
 
 
-def _cut(a: Floats, b: Floats) -> tuple[Floats, Floats]:
+def _cut_at_cells(a: Floats, b: Floats) -> tuple[Floats, Floats]:
     """Edges from a to b, cut at every whole u and v."""
     along = b - a
     edges, shares = [np.arange(len(a))] * 2, [np.zeros(len(a)), np.ones(len(a))]

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.similarity.candidate_poses import Candidates
+from mapcli.algorithms.similarity.candidate_poses import CandidateFrame, Candidates
 from mapcli.algorithms.similarity.expected_perception import expected_landmarks
 from mapcli.algorithms.similarity.grid_table import table_of
 from mapcli.algorithms.similarity.measures import (
@@ -43,14 +43,14 @@ def landmark_table(
         DataError: another number of landmarks than the map has points.
     """
     _same_count(len(perception.measured), len(world.points), "point of the map")
-    intended = perception.intended_pose.pose(None)
+    frame = CandidateFrame(perception.intended_pose.pose(None))
     shape = len(candidates.names), len(candidates.turns_deg)
-    poses = [candidates.pose(intended, r, c, 1.0, 0.0) for r, c in np.ndindex(shape)]
+    poses = [candidates.pose(frame, r, c) for r, c in np.ndindex(shape)]
     array = np.array([(pose.x, pose.y, pose.theta) for pose in poses])
     expected = expected_landmarks(world.points, array)
     scores = _landmark_scores(similarity, expected, perception, bearing_weight)
-    overlap = np.full(shape, seen(perception.measured), np.int64)
-    return table_of(similarity, candidates, scores.reshape(shape), overlap, (intended, 1.0, 0.0))
+    overlap = np.full(shape, count_readings(perception.measured), np.int64)
+    return table_of(similarity, candidates, scores.reshape(shape), overlap, frame)
 
 
 def _landmark_scores(
@@ -67,7 +67,7 @@ def _landmark_scores(
     return similarity_of_readings(similarity, expected * scale, measured * scale, tolerance * scale)
 
 
-def seen(measured: Floats) -> int:
+def count_readings(measured: Floats) -> int:
     """How many readings are not NaN."""
     return int((~np.isnan(measured).any(axis=1)).sum())
 
@@ -97,7 +97,7 @@ def database_table(
             _same_count(len(perception.measured), len(expectation.readings), "in the database")
         expected = np.stack([expectation.readings for expectation in known])
         scores = _landmark_scores(similarity, expected, perception, bearing_weight)
-        overlap = seen(perception.measured)
+        overlap = count_readings(perception.measured)
     return _by_name(database, similarity, scores, overlap)
 
 

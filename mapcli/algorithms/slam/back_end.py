@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopClosureResult, LoopParameters
+from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.map_refinement import RefineParameters, rebuild, refine
-from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
+from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.submaps import apply_corrections
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import information_from_covariance

@@ -16,11 +16,11 @@ from mapcli.algorithms.similarity.candidate_poses import neighbour_candidates
 from mapcli.algorithms.similarity.grid_table import scan_pair_counts
 from mapcli.algorithms.similarity.measures import (
     Similarity,
-    TernaryMap,
     higher_is_better,
     similarity_of_counts,
 )
 from mapcli.algorithms.similarity.perception_map import scan_outline
+from mapcli.algorithms.similarity.ternary_map import TernaryMap
 from mapcli.algorithms.slam.agreement import agreement
 from mapcli.algorithms.slam.match import Match
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid

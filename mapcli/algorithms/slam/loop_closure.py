@@ -33,7 +33,7 @@ from mapcli.algorithms.slam.loop_candidates import (
     find_candidates,
     search_window,
 )
-from mapcli.algorithms.slam.occupancy_grid import MapParameters
+from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.pose_graph import Edge, GraphPath, PoseGraph
 from mapcli.algorithms.slam.submap_matcher import SubmapMatch, SubmapMatcher
 from mapcli.algorithms.slam.submaps import (

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
-from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
+from mapcli.algorithms.slam.map_parameters import MapParameters
+from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.surfel_map import SurfelMap
 from mapcli.model.pose import Pose2D
 

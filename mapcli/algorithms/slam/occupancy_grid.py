@@ -35,7 +35,7 @@ from mapcli.algorithms.slam.log_odds import (
     log_odds_from_probabilities,
     probabilities_from_log_odds,
 )
-from mapcli.algorithms.slam.map_parameters import MapParameters as MapParameters
+from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.surfel_map import SurfelMap
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap

@@ -27,10 +27,11 @@ from mapcli.algorithms.slam.global_localization import localize_globally
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.local_map import LocalMap, LocalMapParameters
 from mapcli.algorithms.slam.loop_closure import LoopParameters
+from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.map_refinement import RefineParameters
 from mapcli.algorithms.slam.match import MIN_POINTS, Match, MatchHistory, MatchParameters
 from mapcli.algorithms.slam.motion_model import DeadReckoning, MotionModel
-from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
+from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.odometry_faults import OdometryFaults
 from mapcli.algorithms.slam.pose_refinement import ScanInMap
 from mapcli.algorithms.slam.scan_matcher import match_scan

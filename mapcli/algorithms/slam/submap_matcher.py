@@ -25,7 +25,8 @@ from mapcli.algorithms.slam.correlative_search import (
 )
 from mapcli.algorithms.slam.keyframes import Keyframe
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
-from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
+from mapcli.algorithms.slam.map_parameters import MapParameters
+from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.scan_points import thinned, window_box
 from mapcli.algorithms.slam.submaps import keyframes_around
 from mapcli.model.pose import Pose2D

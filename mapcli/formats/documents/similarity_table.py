@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.formats.documents.json_document import document, json_bytes
-from mapcli.model.local_maxima import LocalMaxima
+from mapcli.model.local_maxima import WindowScores
 from mapcli.model.pose import Pose2D
 from mapcli.model.similarity import INTENDED, ScoredCandidate, SimilarityTable
 
@@ -138,33 +138,27 @@ def table_bytes(
 
 def window_bytes(
     table: SimilarityTable,
-    surface: NDArray[np.float64],
-    along: NDArray[np.float64],
-    peaks: LocalMaxima,
+    scores: WindowScores,
     inputs: Mapping[str, str],
     parameters: Mapping[str, Any],
 ) -> bytes:
-    """A window as a document.
-
-    Args:
-        surface: best score of all headings, shape (up, right), the highest first.
-        along: steps to the right, in the map's unit.
-    """
-    second = scored(peaks.second)
+    """A window as a document."""
+    along, maxima = scores.along, scores.maxima
+    second = scored(maxima.second)
     content = {
         "similarity": table.similarity,
         "better": "lower" if table.lower else "higher",
         "rows": [_rounded(step) for step in along[::-1]],
         "columns": [_rounded(step) for step in along],
-        "values": [[_value(v) for v in row] for row in surface.tolist()],
+        "values": [[_value(v) for v in row] for row in scores.surface.tolist()],
         "turns_deg": [_rounded(turn) for turn in table.columns],
-        "best": scored(peaks.peak),
-        "peak": scored(peaks.peak),
-        "plateau": peaks.plateau,
-        "at_border": peaks.at_border,
+        "best": scored(maxima.peak),
+        "peak": scored(maxima.peak),
+        "plateau": maxima.plateau,
+        "at_border": maxima.at_border,
         "second_peak": second,
-        "second_share": None if peaks.second_share is None else _rounded(peaks.second_share),
-        "covariance": [[float(f"{v:.6g}") for v in row] for row in peaks.covariance.tolist()],
+        "second_share": None if maxima.second_share is None else _rounded(maxima.second_share),
+        "covariance": [[float(f"{v:.6g}") for v in row] for row in maxima.covariance.tolist()],
     }
     return json_bytes(document(SIMILARITY_TABLE, inputs, parameters, content))
 

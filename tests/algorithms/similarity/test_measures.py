@@ -13,13 +13,12 @@ from mapcli.algorithms.similarity.measures import (
     LOWER_IS_BETTER,
     SIMILARITIES,
     Similarity,
-    TernaryMap,
     higher_is_better,
-    runs,
     similarity_of_counts,
     similarity_of_readings,
 )
 from mapcli.algorithms.similarity.perception_map import PerceptionMap
+from mapcli.algorithms.similarity.ternary_map import TernaryMap, find_runs
 
 FEW = settings(max_examples=40, deadline=None)
 
@@ -30,7 +29,7 @@ def matrix(*rows: str) -> np.ndarray:
 
 
 def score(similarity: Similarity, m: np.ndarray, p: np.ndarray) -> float:
-    counts = TernaryMap(m).counts(PerceptionMap(p, 0, 0), np.zeros((1, 2), np.int64))
+    counts = TernaryMap(m).pair_counts(PerceptionMap(p, 0, 0), np.zeros((1, 2), np.int64))
     return float(similarity_of_counts(similarity, counts)[0])
 
 
@@ -121,7 +120,7 @@ def shifted(p: PerceptionMap, shape: tuple[int, int], du: int, dv: int) -> np.nd
 @pytest.mark.slow
 @FEW
 @given(st.integers(0, 10_000))
-def test_counts_as_the_slow_twin(seed: int) -> None:
+def test_pair_counts_as_the_slow_twin(seed: int) -> None:
     rng = np.random.default_rng(seed)
     shape = tuple(int(n) for n in rng.integers(1, 9, 2))
     m = rng.integers(-1, 2, shape).astype(np.int8)
@@ -129,8 +128,8 @@ def test_counts_as_the_slow_twin(seed: int) -> None:
         rng.integers(-1, 2, rng.integers(1, 9, 2)).astype(np.int8), *rng.integers(-4, 5, 2).tolist()
     )
     offsets = rng.integers(-5, 6, (7, 2))
-    plain = TernaryMap(m).counts(p, offsets)
-    np.testing.assert_array_equal(plain, TernaryMap(m).counts(p, offsets, compiled=True))
+    plain = TernaryMap(m).pair_counts(p, offsets)
+    np.testing.assert_array_equal(plain, TernaryMap(m).pair_counts(p, offsets, compiled=True))
     for similarity in SIMILARITIES:
         found = similarity_of_counts(similarity, plain)
         for k, (du, dv) in enumerate(offsets.tolist()):
@@ -140,7 +139,7 @@ def test_counts_as_the_slow_twin(seed: int) -> None:
 
 def test_runs() -> None:
     p = matrix("?..#", "....", "????")
-    assert runs(p).tolist() == [[1, 0, 4, -1], [2, 1, 3, -1], [2, 3, 4, 1]]
+    assert find_runs(p).tolist() == [[1, 0, 4, -1], [2, 1, 3, -1], [2, 3, 4, 1]]
 
 
 # --- readings

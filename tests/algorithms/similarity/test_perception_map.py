@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.similarity.perception_map import (
     PerceptionMap,
-    covered,
+    covered_area,
     perception_map,
     scan_outline,
 )
@@ -147,11 +147,11 @@ def test_an_absurdly_large_perception() -> None:
 def test_areas_by_hand() -> None:
     square = np.array([[0.5, 0.5], [3.25, 0.5], [3.25, 2.0], [0.5, 2.0]])
     expected = [[0.25, 0.5, 0.5, 0.125, 0], [0.5, 1, 1, 0.25, 0], [0, 0, 0, 0, 0]]
-    assert covered(square, (0, 0, 5, 3)) == pytest.approx(np.array(expected))
+    assert covered_area(square, (0, 0, 5, 3)) == pytest.approx(np.array(expected))
     triangle = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0]])
-    assert covered(triangle, (0, 0, 2, 2)) == pytest.approx(np.array([[1, 0.5], [0.5, 0]]))
+    assert covered_area(triangle, (0, 0, 2, 2)) == pytest.approx(np.array([[1, 0.5], [0.5, 0]]))
     # Only a part of it is asked for.
-    assert covered(square, (1, 1, 3, 2)) == pytest.approx(np.ones((1, 2)))
+    assert covered_area(square, (1, 1, 3, 2)) == pytest.approx(np.ones((1, 2)))
 
 
 def star(seed: int, n: int) -> np.ndarray:
@@ -167,7 +167,7 @@ def test_areas_sum_up_to_the_polygons(seed: int, n: int) -> None:
     path = star(seed, n)
     x, y = path.T
     area = 0.5 * float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
-    shares = covered(path, (-9, -9, 9, 9))
+    shares = covered_area(path, (-9, -9, 9, 9))
     assert shares.sum() == pytest.approx(area)
     assert shares.min() > -1e-9
 

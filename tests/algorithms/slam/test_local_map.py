@@ -9,7 +9,8 @@ import pytest
 
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam.local_map import LocalMap, LocalMapParameters
-from mapcli.algorithms.slam.occupancy_grid import MapParameters, OccupancyGrid
+from mapcli.algorithms.slam.map_parameters import MapParameters
+from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.model.pose import Pose2D
 
 CELL = 0.25

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam import occupancy_grid as occupancy
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
-from mapcli.algorithms.slam.occupancy_grid import BLOCK, MapParameters, OccupancyGrid
+from mapcli.algorithms.slam.map_parameters import MapParameters
+from mapcli.algorithms.slam.occupancy_grid import BLOCK, OccupancyGrid
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D

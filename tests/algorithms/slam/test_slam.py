@@ -14,9 +14,9 @@ from mapcli.algorithms.scans.perception import PerceptionParameters
 from mapcli.algorithms.scans.ray_casting import cast, edges_of
 from mapcli.algorithms.slam import occupancy_grid as occupancy
 from mapcli.algorithms.slam.local_map import LocalMapParameters
+from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.match import MatchParameters, Search
 from mapcli.algorithms.slam.motion_model import HIGHEST_SPEED
-from mapcli.algorithms.slam.occupancy_grid import MapParameters
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record

@@ -25,7 +25,7 @@ from mapcli.algorithms.slam._kernels.ray_tracing import (
     integrate_beams,
 )
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
-from mapcli.algorithms.slam.occupancy_grid import MapParameters
+from mapcli.algorithms.slam.map_parameters import MapParameters
 
 Cells = set[tuple[int, int]]
 
