@@ -83,13 +83,8 @@ def scan_outline(perception: Perception, cell: float, walls: Walls = "thick") ->
 
     `walls` chooses the majority rule (`thick`) or the rule of ends.
     """
-    ends = (np.concatenate([perception.hits, perception.open_ends]) - perception.laser) / cell
-    laser = perception.laser / cell
-    bearing, length = np.arctan2(ends[:, 1], ends[:, 0]), np.hypot(ends[:, 0], ends[:, 1])
-    order = np.argsort(bearing, kind="stable")
-    hit = (np.arange(len(ends)) < len(perception.hits))[order]
-    bearing, length, ends = bearing[order], length[order], ends[order]
-    none = np.empty((0, 2))
+    bearing, length, ends, hit = _beams_by_bearing(perception, cell)
+    laser, none = perception.laser / cell, np.empty((0, 2))
     if not len(ends):
         return ScanOutline(none, none, none)
     gap = np.diff(bearing, append=bearing[0] + math.tau)
@@ -119,6 +114,18 @@ def scan_outline(perception: Perception, cell: float, walls: Walls = "thick") ->
     if walls == "ends":
         return ScanOutline(paths[0] + laser, paths[0] + laser, perception.hits / cell)
     return ScanOutline(paths[0] + laser, paths[1] + laser, none)
+
+
+def _beams_by_bearing(
+    perception: Perception, cell: float
+) -> tuple[Floats, Floats, Floats, NDArray[np.bool_]]:
+    """Bearings, lengths and ends of the beams as seen from the laser, in cells, counter-clockwise,
+    and which of them hit something."""
+    ends = (np.concatenate([perception.hits, perception.open_ends]) - perception.laser) / cell
+    bearing, length = np.arctan2(ends[:, 1], ends[:, 0]), np.hypot(ends[:, 0], ends[:, 1])
+    order = np.argsort(bearing, kind="stable")
+    hit = (np.arange(len(ends)) < len(perception.hits))[order]
+    return bearing[order], length[order], ends[order], hit
 
 
 def _walls(

@@ -17,7 +17,7 @@ def agreement(
     """Score, known points and free-space conflicts of points at a pose, without a search.
 
     Args:
-        grid: the map, large enough to hold every point (`OccupancyGrid.cover`).
+        grid: the map, large enough to hold every point (`OccupancyGrid.extend_to`).
         points: shape (n, 2), in the robot's frame, in cells.
         pose: (u, v, theta) of the robot in the map, in cells and radians (`pose_to_cells`).
     """

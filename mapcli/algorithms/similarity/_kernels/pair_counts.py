@@ -47,9 +47,6 @@ def count_pairs(sums: Ints, runs: Runs, offsets: Ints) -> Ints:
     Args:
         sums: shape (rows + 1, columns + 1), obstacles * 2^32 + empty cells so far in each row.
         offsets: shape (k, 2), cells to the right and up.
-
-    Returns:
-        shape (k, 2, 2).
     """
     row, start, end = runs.row, runs.start, runs.end
     rows, columns = sums.shape[0] - 1, sums.shape[1] - 1
