@@ -99,7 +99,7 @@ OPTIONS = (
     click.option(
         "--every",
         type=click.IntRange(1),
-        default=1,
+        default=LogInput.every,
         show_default=True,
         metavar="N",
         help="Use every N-th scan.",

@@ -75,13 +75,13 @@ def _differs(path: Path, pieces: Pieces) -> bool:
 
 def loss_notes(grid: GridMap, target: str, options: SaveOptions) -> list[str]:
     """What OUT does not hold, how to keep it, and what only mapcli will find."""
-    from mapcli.formats.maps.losses import losses
+    from mapcli.formats.maps.losses import LossKind, losses
 
     lost = losses(grid, target, options)
-    notes = list(lost)
+    notes = [loss.text for loss in lost]
     form = options.format or SUFFIXES[Path(target).suffix.lower()]
     image = form in ("pgm", "png") or (form == "yaml" and not options.inline and target != "-")
-    if image and any("probability" in loss for loss in lost):
+    if image and any(loss.kind is LossKind.PROBABILITY for loss in lost):
         notes.append("--mode scale keeps whole percents, and .txt keeps everything")
     if form in ("pgm", "png") and (grid.resolution != 1 or grid.origin != Pose2D()):
         notes.append(

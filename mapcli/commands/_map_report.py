@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mapcli.commands._world_report import Points, cell_at, cell_line
 from mapcli.formats.documents.json_document import document
-from mapcli.formats.input import read_file
+from mapcli.formats.input import DigestingReader
 from mapcli.formats.maps.dialects import Dialect
 from mapcli.formats.maps.load import LoadedMap, load_map
 
@@ -21,21 +19,15 @@ OCCUPIED_THRESHOLD = 0.5
 
 def map_report(file: str, dialect: Dialect, at: Points = ()) -> tuple[str, dict[str, Any]]:
     """What to print about a map, and the same as a document."""
-    digests: dict[str, str] = {}
-
-    def reading(path: Path) -> bytes:
-        data = read_file(path)
-        digests[path.name] = hashlib.sha256(data).hexdigest()
-        return data
-
-    loaded = load_map(file, dialect=dialect, read=reading, lenient=True)
+    read = DigestingReader()
+    loaded = load_map(file, dialect=dialect, read=read, lenient=True)
     content = describe(loaded)
     queries = [cell_at(loaded.grid, point) for point in at]
     lines = [f"{file}: map, {loaded.format}", *_lines(content), *map(cell_line, queries)]
     text = "\n".join(lines)
     content |= {"at": queries} if at else {}
     parameters = {"dialect": dialect, "occupied_from": OCCUPIED_THRESHOLD}
-    return text, document("mapcli.map-info", digests, parameters, content)
+    return text, document("mapcli.map-info", read.digests, parameters, content)
 
 
 def describe(loaded: LoadedMap) -> dict[str, Any]:

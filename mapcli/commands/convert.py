@@ -10,7 +10,7 @@ from mapcli.commands._map_output import DEFAULTS, loss_notes, save_options, writ
 from mapcli.commands._options import FILE, POSE, Number, common_options, no_clobber_option
 from mapcli.formats.maps.dialects import DIALECTS
 from mapcli.formats.maps.map_image import MODES
-from mapcli.formats.maps.save import FORMATS
+from mapcli.formats.maps.save import FORMATS, TRINARY_THRESHOLDS, WHOLE_SCALE
 from mapcli.model.pose import Pose2D
 
 SHARE = Number(0, 1)
@@ -29,12 +29,14 @@ SHARE = Number(0, 1)
 @click.option(
     "--free-thresh",
     type=SHARE,
-    help="Trinary and `--characters`: cells up to this are open.  [default: 0.25; 0 for scale]",
+    help="Trinary and `--characters`: cells up to this are open.  "
+    f"[default: {TRINARY_THRESHOLDS[0]:g}; {WHOLE_SCALE[0]:g} for scale]",
 )
 @click.option(
     "--occupied-thresh",
     type=SHARE,
-    help="Cells from this on are obstacles.  [default: 0.65; 1 for scale]",
+    help="Cells from this on are obstacles.  "
+    f"[default: {TRINARY_THRESHOLDS[1]:g}; {WHOLE_SCALE[1]:g} for scale]",
 )
 @click.option("--negate", is_flag=True, help="Dark is open in OUT's image, light is obstacle.")
 @click.option("--resolution", type=float, help="Metres per cell, in the place of IN's.")

@@ -1,4 +1,4 @@
-"""How numbers are written in text and YAML."""
+"""The pattern of a decimal number, as in text maps and YAML."""
 
 from __future__ import annotations
 

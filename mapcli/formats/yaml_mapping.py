@@ -1,7 +1,7 @@
-"""YAML mappings, read so that every complaint can name the key and the line.
+"""YAML mappings, read so that every error names the file, the key and the line.
 
-Documents are composed, not constructed: nodes know their lines, numbers are spelled as in files
-of C++ programs (1e-3, nan), and no tag can make anything run.
+The YAML is composed into nodes, not constructed into Python objects: nodes know their lines,
+numbers may be spelled as C++ programs write them (1e-3, nan), and no tag can run code.
 """
 
 from __future__ import annotations
@@ -21,7 +21,18 @@ _NOT_FINITE = re.compile(r"([+-]?)\.?(nan|inf)", re.IGNORECASE)
 
 
 class YamlMapping:
-    """The keys of a YAML mapping, with errors that name file, key and line."""
+    """A mapping: key -> node. Values are taken by key and checked.
+
+    The methods raise `FormatError` for a key that is missing or of another type; `expected` is
+    the text about what would have been right.
+
+    Attributes:
+        file: for errors.
+        nodes: the values by their keys.
+
+    Raises:
+        FormatError: a key is given twice.
+    """
 
     def __init__(self, root: yaml.MappingNode, file: str) -> None:
         self.file = file
@@ -35,7 +46,11 @@ class YamlMapping:
 
     @classmethod
     def parse(cls, data: bytes, file: str) -> YamlMapping:
-        """Compose without constructing: nodes know their lines, and nothing is executed."""
+        """The mapping that a file holds.
+
+        Raises:
+            FormatError: broken YAML, nested too deeply, or not a mapping.
+        """
         try:
             _refuse_deep_nesting(data, file)
             root = yaml.compose(data.decode("utf-8-sig", "replace"), Loader=_LOADER)
@@ -53,6 +68,7 @@ class YamlMapping:
     def error(
         self, key: str, problem: str, expected: str, node: yaml.Node | None = None
     ) -> FormatError:
+        """The error to raise about a key, at the line of `node` or else of the key's value."""
         node = node or self.nodes.get(key) or self.root
         return FormatError(
             f"{key}: {problem}",
@@ -62,23 +78,27 @@ class YamlMapping:
         )
 
     def require(self, key: str, expected: str) -> yaml.Node:
+        """The node under a key that must be there."""
         if key not in self.nodes:
             raise self.error(key, "key is missing", expected)
         return self.nodes[key]
 
     def text(self, key: str, expected: str) -> str:
+        """A text that is not empty."""
         node = self.require(key, expected)
         if not isinstance(node, yaml.ScalarNode) or not node.value:
             raise self.error(key, "not a text" if node.value else "empty", expected)
         return str(node.value)
 
     def number(self, key: str, expected: str) -> float:
+        """A finite number."""
         value = number_of(self.require(key, expected))
         if value is None or not math.isfinite(value):
             raise self.error(key, f"{shown(self.nodes[key])} is not a number", expected)
         return value
 
     def numbers(self, key: str, count: int, expected: str) -> list[float]:
+        """A list of `count` numbers, each of which may be nan or infinite."""
         node = self.require(key, expected)
         values = [number_of(n) for n in node.value] if isinstance(node, yaml.SequenceNode) else []
         if len(values) != count or None in values:
@@ -87,7 +107,10 @@ class YamlMapping:
 
 
 def _refuse_deep_nesting(data: bytes, file: str) -> None:
-    """A map nests three deep; the C parser of a file of brackets would overflow its stack."""
+    """Raise `FormatError` beyond `_MAX_DEPTH`: the C parser would overflow its stack.
+
+    A map nests three levels.
+    """
     depth = 0
     for event in yaml.parse(data.decode("utf-8-sig", "replace"), Loader=_LOADER):
         depth += isinstance(event, yaml.CollectionStartEvent)
@@ -101,7 +124,8 @@ def _refuse_deep_nesting(data: bytes, file: str) -> None:
 
 
 def number_of(node: yaml.Node) -> float | None:
-    """The number a scalar spells, nan and inf included; YAML's own typing would miss 1e-3."""
+    """The number in a scalar node, nan and inf included, or None. YAML's own typing takes `1e-3`
+    for a text."""
     text = str(node.value).strip() if isinstance(node, yaml.ScalarNode) else ""
     if NUMBER.fullmatch(text):
         return float(text)
@@ -110,6 +134,7 @@ def number_of(node: yaml.Node) -> float | None:
 
 
 def shown(node: yaml.Node) -> str:
+    """A node in an error message: a text of at most 40 characters, or what kind of node it is."""
     if isinstance(node, yaml.ScalarNode):
         return repr(node.value[:40])
     count = len(node.value) if isinstance(node.value, Sequence) else 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,6 +81,24 @@ class Pose2D:
 
 IDENTITY = Pose2D()
 """Most lasers are mounted like this."""
+
+
+def planar_pose(position: Sequence[float], quaternion: Sequence[float]) -> Pose2D:
+    """The pose in the plane of a pose in space: its x, y and yaw.
+
+    Args:
+        position: x, y in metres; what follows is not used.
+        quaternion: x, y, z, w, of any length but zero.
+
+    Raises:
+        ValueError: not finite, or a quaternion of length zero, which has no heading.
+    """
+    x, y, z, w = quaternion
+    square = x * x + y * y + z * z + w * w
+    if not (square > 1e-6 and math.isfinite(square + position[0] + position[1])):
+        raise ValueError("no pose")
+    yaw = math.atan2(2 * (x * y + z * w) / square, 1 - 2 * (y * y + z * z) / square)
+    return Pose2D(float(position[0]), float(position[1]), rounded_angle(yaw))
 
 
 def interpolate(a: Pose2D, b: Pose2D, fraction: float) -> Pose2D:

@@ -1,4 +1,4 @@
-"""Coverage over distance as a CSV table, of one strategy or several (Activity 9.2)."""
+"""Coverage over driven distance as CSV, of one exploration strategy or several (Activity 9.2)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,11 @@ CSV_HEAD = "strategy,step,time_steps,distance_cells,distance_m,known_cells,cover
 
 
 def write_curve_csv(curves: Mapping[str, CoverageCurve]) -> bytes:
-    """One line per step and strategy, beginning with step 0, the start."""
+    """One line per strategy and step; step 0 is the start.
+
+    Args:
+        curves: name of the strategy -> its curve.
+    """
     lines = [CSV_HEAD]
     for strategy, curve in curves.items():
         columns = (

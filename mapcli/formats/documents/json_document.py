@@ -1,4 +1,4 @@
-"""The JSON documents of mapcli: one head for all of them.
+"""JSON documents of mapcli: the head that all of them share, and how they are written.
 
 {"format": "mapcli.pose-trace", "version": 1, "mapcli": "0.1.0",
  "input": [{"file": "robot.mcap", "sha256": "..."}], "parameters": {...}, ...}
@@ -39,7 +39,8 @@ def document(
 
 
 def json_bytes(content: Any) -> bytes:
-    """JSON as mapcli writes it: UTF-8, shortest numbers, one item of a long list to a line."""
+    """JSON as UTF-8; the items of a list of objects or of rows have a line each, and numbers are
+    the shortest that read back as the same float64."""
     if not isinstance(content, dict):
         return f"{_indented(content)}\n".encode()
     items = [f" {_dumps(key)}: {_value(value)}" for key, value in content.items()]
@@ -54,7 +55,7 @@ def _value(value: Any) -> str:
 
 
 _dumps = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
-"""On one line. Made once: `json.dumps` would make an encoder for each of a trace's poses."""
+"""JSON on one line. One encoder for all calls: `json.dumps` makes a new one for each pose."""
 
 
 def _indented(value: Any) -> str:
@@ -62,7 +63,7 @@ def _indented(value: Any) -> str:
 
 
 def read_document(data: bytes, file: str, form: str) -> dict[str, Any]:
-    """The content of a document of the given format.
+    """The content of a document of the format `form`.
 
     Raises:
         FormatError: no JSON, another format, or a later version.

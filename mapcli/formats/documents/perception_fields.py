@@ -1,4 +1,7 @@
-"""The parts of perception files: numbers, poses, lists; errors name key and line."""
+"""Fields of perception files: numbers, poses, lists of readings, candidates.
+
+Every function raises `FormatError`, naming key and line, for a field of another type.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +15,14 @@ from mapcli.model.perception import STEPS, TURNS_DEG, IntendedPose
 from mapcli.model.pose import Pose2D
 
 LARGEST = 1e9
-"""Nothing that a robot measures is larger; a number beyond is damage."""
+"""Metres or degrees; a larger number in a perception is taken for damage."""
 
 POSE = "{cell: [row, column], heading_deg: 90} or {x: 0, y: 0, theta_deg: 90}"
 HEADINGS = ("heading_deg", "theta_deg", "theta")
 
 
 def mapping(document: YamlMapping, key: str, node: yaml.Node) -> YamlMapping:
-    """A mapping inside a document."""
+    """A mapping inside another."""
     if not isinstance(node, yaml.MappingNode):
         raise document.error(key, f"{shown(node)} is not a mapping", "{key: value, ...}", node)
     return YamlMapping(node, document.file)
@@ -34,7 +37,7 @@ def list_of(document: YamlMapping, key: str, expected: str) -> list[yaml.Node]:
 
 
 def number(document: YamlMapping, key: str, node: yaml.Node, expected: str) -> float:
-    """A finite number."""
+    """A number of at most `LARGEST`."""
     value = number_of(node)
     if value is None or not abs(value) <= LARGEST:
         raise document.error(key, f"{shown(node)} is not a number", expected, node)
@@ -50,7 +53,11 @@ def numbers(
     *,
     null: float | None = None,
 ) -> list[float]:
-    """A list of `count` finite numbers (any count for None); `null` stands for a null, if given."""
+    """A list of `count` such numbers (of any length for None).
+
+    Args:
+        null: the value that a null becomes; None refuses nulls.
+    """
     if not isinstance(node, yaml.SequenceNode) or count not in (None, len(node.value)):
         raise document.error(key, shown(node), expected, node)
     values = []
@@ -64,7 +71,7 @@ def numbers(
 
 
 def choice(document: YamlMapping, key: str, names: Sequence[str]) -> str:
-    """One of some words."""
+    """The text under a key, which must be one of `names`."""
     expected = f"{', '.join(names[:-1])} or {names[-1]}"
     text = document.text(key, expected)
     if text not in names:
@@ -73,7 +80,8 @@ def choice(document: YamlMapping, key: str, names: Sequence[str]) -> str:
 
 
 def steps_and_turns(document: YamlMapping) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """The candidates of a scan or of landmarks."""
+    """Which candidate poses are compared: the lengths of their steps from the intended pose, in
+    the map's unit, and their turns from its heading, degrees, counter-clockwise."""
     steps, turns = STEPS, TURNS_DEG
     if "steps" in document.nodes:
         steps = _one_or_more(document, "steps", "a length of more than 0, or 0 for no neighbours")
@@ -95,7 +103,7 @@ def _one_or_more(document: YamlMapping, key: str, expected: str) -> tuple[float,
 
 
 def intended_pose(document: YamlMapping) -> IntendedPose:
-    """The intended pose."""
+    """The pose under the key `pose`: in metres, or a cell of the map."""
     inner = mapping(document, "pose", document.require("pose", POSE))
     theta = _heading(inner)
     if "cell" not in inner.nodes:
@@ -107,7 +115,7 @@ def intended_pose(document: YamlMapping) -> IntendedPose:
 
 
 def pose_of(inner: YamlMapping) -> Pose2D:
-    """A pose in metres and an angle."""
+    """A pose in metres, its heading in one of the units of `HEADINGS`."""
     return Pose2D(*_xy(inner), _heading(inner))
 
 

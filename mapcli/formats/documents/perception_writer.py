@@ -1,6 +1,7 @@
-"""Perceptions as YAML or JSON text; see `perception` for the format.
+"""Writing perceptions as YAML or JSON; `perception_reader` has the format.
 
-Lengths and poses have six decimals, bearings four, which is finer than any sensor.
+Lengths and poses have six decimals (micrometres), bearings four (0.36 arc seconds): finer than any
+sensor.
 """
 
 from __future__ import annotations
@@ -105,7 +106,7 @@ def _pose(pose: Pose2D) -> dict[str, float]:
 
 
 def _rounded(value: float) -> float:
-    """Six decimals, whole numbers without any; no -0.0, whose sign is noise."""
+    """Six decimals, whole numbers as int; 0.0 instead of -0.0."""
     rounded = round(float(value), 6) + 0.0
     return int(rounded) if rounded.is_integer() and abs(rounded) < 1e15 else rounded
 

@@ -1,4 +1,5 @@
-"""Relations between poses, as Kuemmerle et al. 2009 publish them: measured by hand, from a log.
+"""Relative poses between two times, the ground truth of Kuemmerle et al., "On Measuring the
+Accuracy of SLAM Algorithms", Autonomous Robots 27 (2009).
 
     # t1 t2 x y z roll pitch yaw    the pose at t2 as seen from the one at t1
     39.447200 48.401801 -0.153130 -0.051420 0 0 0 -2.405850

@@ -1,4 +1,4 @@
-"""The similarity table for people (as Table 9.1), as Markdown, as CSV and as JSON.
+"""The similarity table as text (as Table 9.1 prints it), as Markdown, as CSV and as JSON.
 
 `mapcli.similarity-table` has `rows` (positions), `columns` (turns in degrees), `values` (null
 where there is no score), `overlap` (cells or readings compared), `best` (null when nothing can be
@@ -99,7 +99,7 @@ def _marked(table: SimilarityTable, unit: str, mark: str, plain: str) -> list[li
 
 def csv_text(rows: Sequence[Any], columns: Sequence[Any], values: NDArray[np.float64],
              head: str) -> str:  # fmt: skip
-    """The numbers, with a line for each row; nothing where there is no score."""
+    """The scores as CSV, a line for each row; the field is empty where there is no score."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow([head, *(_plain(column) for column in columns)])
@@ -185,6 +185,6 @@ def _value(value: float) -> float | None:
 
 
 def _rounded(value: float) -> float:
-    """Six decimals and whole numbers as such; no -0.0, whose sign is noise."""
+    """Six decimals, whole numbers as int; 0.0 instead of -0.0."""
     rounded = round(float(value), 6) + 0.0
     return int(rounded) if rounded.is_integer() else rounded

@@ -23,7 +23,7 @@ from pathlib import PurePath
 import numpy as np
 
 from mapcli.errors import DataError, FormatError
-from mapcli.model.pose import Pose2D
+from mapcli.model.pose import Pose2D, planar_pose
 from mapcli.model.se2_uncertainty import InformationTriangle
 from mapcli.model.trace import PoseTrace
 from mapcli.model.trajectory import Trajectory
@@ -215,10 +215,8 @@ def _column_rows(rows: Iterable[Words], count: int, file: str) -> Iterator[Row]:
 
 
 def _yaw(quaternion: Sequence[float], file: str, where: str) -> float:
-    from mapcli.formats.logs.ros.decode import planar
-
     try:
-        return planar((0.0, 0.0), quaternion).theta
+        return planar_pose((0.0, 0.0), quaternion).theta
     except ValueError:
         shown = " ".join(f"{part:g}" for part in quaternion)
         expected = "a quaternion qx qy qz qw of length 1"

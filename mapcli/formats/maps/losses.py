@@ -1,8 +1,10 @@
-"""What a map loses on its way into a file, by what its readers will find there."""
+"""What a map loses when it is written: cells that read back otherwise, by the dialect's rules."""
 
 from __future__ import annotations
 
+from enum import Enum
 from pathlib import PurePath
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,12 +13,34 @@ from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
 
 
-def losses(grid: GridMap, path: str | PurePath, options: SaveOptions | None = None) -> list[str]:
-    """Sentences about what the outcome of `map_files` does not hold of `grid`, read back by the
-    rules of `options.dialect`."""
+class LossKind(Enum):
+    """In which way a written map differs from the map in memory."""
+
+    PROBABILITY = "known cells read back with another probability"
+    KNOWN_TO_UNKNOWN = "known cells read back as unknown"
+    UNKNOWN_TO_KNOWN = "unknown cells read back with a probability"
+    UNREADABLE = "the dialect's own reader refuses the file"
+
+
+class MapLoss(NamedTuple):
+    """One kind of loss, and the sentence about it for a person."""
+
+    kind: LossKind
+    text: str
+
+
+def losses(
+    grid: GridMap, path: str | PurePath, options: SaveOptions | None = None
+) -> list[MapLoss]:
+    """What the files that `map_files` makes of `grid` do not hold, read back by the rules of
+    `options.dialect`; at most one loss of each kind.
+
+    Raises:
+        DataError: a suffix that says no format.
+    """
     options = options or SaveOptions()
     written = as_written(grid, path, options)
-    changed = forgotten = invented = 0
+    changed = to_unknown = to_known = 0
     largest, value = 0.0, 0.0
     for before, counts in grid.tally():
         after = written(before)
@@ -25,27 +49,30 @@ def losses(grid: GridMap, path: str | PurePath, options: SaveOptions | None = No
         changes = np.where(known & stays & used, np.abs(after - before), 0)
         changed += int(counts[changes > 0].sum())
         largest = max(largest, float(changes.max(initial=0)))
-        forgotten += int(counts[known & ~stays].sum())
-        news = ~known & stays & used
-        invented += int(counts[news].sum())
-        value = float(after[news][0]) if news.any() else value
+        to_unknown += int(counts[known & ~stays].sum())
+        invented = ~known & stays & used
+        to_known += int(counts[invented].sum())
+        value = float(after[invented][0]) if invented.any() else value
     found = []
     if changed:
         cells = counted(changed, "cells whose probability changes")
-        found.append(f"{cells}, by up to {largest:.2g}")
-    if forgotten:
-        found.append(counted(forgotten, "cells known before and unknown now"))
-    if invented:
-        found.append(counted(invented, f"cells unknown before and {value:.2g} now"))
+        found.append(MapLoss(LossKind.PROBABILITY, f"{cells}, by up to {largest:.2g}"))
+    if to_unknown:
+        text = counted(to_unknown, "cells known before and unknown now")
+        found.append(MapLoss(LossKind.KNOWN_TO_UNKNOWN, text))
+    if to_known:
+        text = counted(to_known, f"cells unknown before and {value:.2g} now")
+        found.append(MapLoss(LossKind.UNKNOWN_TO_KNOWN, text))
     return found + _unreadable(path, options)
 
 
-def _unreadable(path: str | PurePath, options: SaveOptions) -> list[str]:
+def _unreadable(path: str | PurePath, options: SaveOptions) -> list[MapLoss]:
     """What the dialect's own reader would refuse."""
     kind = format_of(path, options)
     image = kind in ("yaml", "pgm", "png") and not options.inline
     if image and options.image_kind(kind) == "pgm" and options.bits == 16 and (
         options.dialect == "ros1"
     ):  # fmt: skip
-        return ["ROS 1's map_server cannot read a PGM of 16 bits"]
+        text = "ROS 1's map_server cannot read a PGM of 16 bits"
+        return [MapLoss(LossKind.UNREADABLE, text)]
     return []

@@ -24,6 +24,12 @@ SUFFIXES: dict[str, Format] = {
 }  # fmt: skip
 
 
+TRINARY_THRESHOLDS = (0.25, 0.65)
+"""Cells up to the one are written as open, from the other as obstacle, as Nav2's map saver does."""
+
+WHOLE_SCALE = (0.0, 1.0)
+"""Ends of a scale that keeps every percent."""
+
 ROS1_SCALE = (1 / 255, 254 / 255)
 """Ends of a scale in which ROS 1 reads every percent from some grey."""
 
@@ -74,8 +80,8 @@ class SaveOptions:
     @property
     def thresholds(self) -> tuple[float, float]:
         """(free, occupied), with the mode's defaults filled in."""
-        ends = ROS1_SCALE if self.dialect == "ros1" else (0.0, 1.0)
-        free, occupied = ends if self.mode == "scale" else (0.25, 0.65)
+        ends = ROS1_SCALE if self.dialect == "ros1" else WHOLE_SCALE
+        free, occupied = ends if self.mode == "scale" else TRINARY_THRESHOLDS
         return (
             free if self.free_thresh is None else self.free_thresh,
             occupied if self.occupied_thresh is None else self.occupied_thresh,

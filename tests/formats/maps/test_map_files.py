@@ -19,7 +19,7 @@ from PIL import Image
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.maps.dialects import DIALECTS
 from mapcli.formats.maps.load import LoadedMap, load_map, sniff
-from mapcli.formats.maps.losses import losses
+from mapcli.formats.maps.losses import LossKind, losses
 from mapcli.formats.maps.map_image import MODES, GreyRule
 from mapcli.formats.maps.pgm import read_pgm
 from mapcli.formats.maps.png import read_png
@@ -266,19 +266,25 @@ def test_damaged_metadata_inside_an_image(tmp_path: Path) -> None:
 
 
 def test_losses() -> None:
+    kinds: list[LossKind] = []
+
     def lost(cells: Any, name: str, **options: Any) -> list[str]:
         grid = GridMap(np.array(cells, dtype=np.float32), 0.05, Pose2D(1, 2))
-        return losses(grid, name, SaveOptions(**options))
+        found = losses(grid, name, SaveOptions(**options))
+        kinds[:] = [loss.kind for loss in found]
+        return [loss.text for loss in found]
 
     assert lost([[0.3, Q, 1]], "m.txt") == []
     assert lost([[0.1, 0.3, Q]], "m.yaml") == [
         "1 cell whose probability changes, by up to 0.1",
         "1 cell known before and unknown now",
     ]
+    assert kinds == [LossKind.PROBABILITY, LossKind.KNOWN_TO_UNKNOWN]
     assert lost([[0.123, 1]], "m.png", mode="scale") == [
         "1 cell whose probability changes, by up to 0.003"
     ]
     assert lost([[Q, 1]], "m.pgm", mode="scale") == ["1 cell unknown before and 0.5 now"]
+    assert kinds == [LossKind.UNKNOWN_TO_KNOWN]
     assert lost([[0.3, 1]], "m.txt", characters=True) == ["1 cell known before and unknown now"]
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.formats.logs.ros.transforms import Rigid, rigid
-from mapcli.model.pose import Pose2D, rounded_angle
+from mapcli.model.pose import Pose2D, planar_pose
 from mapcli.model.scan import NANOSECONDS
 
 MAX_NAME_BYTES = 4096
@@ -117,7 +117,7 @@ def odometry_from_cdr(data: Buffer) -> OdometryMessage:
     stamp, frame, at = _header(order, body, 0)
     child, at = _string(order, body, at)
     x, y, _, *quaternion = struct.unpack_from(f"{order}7d", body, at + -at % 8)
-    return OdometryMessage(stamp, frame, child, planar((x, y), quaternion))
+    return OdometryMessage(stamp, frame, child, planar_pose((x, y), quaternion))
 
 
 @_refuses
@@ -125,7 +125,7 @@ def pose_from_cdr(data: Buffer) -> PoseMessage:
     order, body = _opened(data)
     stamp, frame, at = _header(order, body, 0)
     x, y, _, *quaternion = struct.unpack_from(f"{order}7d", body, at + -at % 8)
-    return PoseMessage(stamp, frame, planar((x, y), quaternion))
+    return PoseMessage(stamp, frame, planar_pose((x, y), quaternion))
 
 
 @_refuses
@@ -197,7 +197,9 @@ def odometry_from_json(data: Buffer) -> OdometryMessage:
         _json_stamp(message),
         _json_frame(message),
         _frame(message.get("child_frame_id", "")),
-        planar([float(position[key]) for key in "xy"], [float(orientation[key]) for key in "xyzw"]),
+        planar_pose(
+            [float(position[key]) for key in "xy"], [float(orientation[key]) for key in "xyzw"]
+        ),
     )
 
 
@@ -215,16 +217,6 @@ def transforms_from_json(data: Buffer) -> list[Transform]:
         )
         for t in _object(data)["transforms"]
     ]
-
-
-def planar(position: Any, quaternion: Any) -> Pose2D:
-    """The pose in the plane. Raises ValueError where it is not finite or has no heading."""
-    x, y, z, w = quaternion
-    square = x * x + y * y + z * z + w * w
-    if not (square > 1e-6 and math.isfinite(square + position[0] + position[1])):
-        raise ValueError("no pose")
-    yaw = math.atan2(2 * (x * y + z * w) / square, 1 - 2 * (y * y + z * z) / square)
-    return Pose2D(float(position[0]), float(position[1]), rounded_angle(yaw))
 
 
 def _frame(name: str) -> str:
