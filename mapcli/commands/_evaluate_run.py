@@ -10,14 +10,14 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.evaluation.evaluate import Reference, evaluate
+from mapcli import evaluate, load_relations, load_trajectory
+from mapcli.algorithms.evaluation.evaluate import Reference
 from mapcli.algorithms.evaluation.relations import odometry_of
 from mapcli.algorithms.evaluation.trajectory_error import EvaluateParameters
 from mapcli.commands._evaluate_report import described
 from mapcli.commands._log_options import LogInput, say_notes
 from mapcli.errors import MapcliError
-from mapcli.formats.documents.load_trajectory import load_trajectory
-from mapcli.formats.documents.relations import is_relations, load_relations
+from mapcli.formats.documents.relations import is_relations
 from mapcli.formats.logs.open_log import Log
 from mapcli.model.counting import counted
 from mapcli.model.evaluation import Evaluation, Kind

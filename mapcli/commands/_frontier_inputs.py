@@ -9,11 +9,11 @@ from pathlib import Path
 
 import click
 
+from mapcli import load_map
 from mapcli.algorithms.exploration.explore import contradictions
 from mapcli.errors import DataError
 from mapcli.formats.input import read_file
 from mapcli.formats.maps.dialects import Dialect
-from mapcli.formats.maps.load import load_map
 from mapcli.model.counting import counted
 from mapcli.model.exploration import Cell
 from mapcli.model.grid import GridMap

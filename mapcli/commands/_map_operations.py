@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mapcli import load_map
 from mapcli.commands._options import NumberList, PoseType
 from mapcli.formats.input import read_file
 from mapcli.formats.maps.dialects import Dialect
-from mapcli.formats.maps.load import LoadedMap, load_map
+from mapcli.formats.maps.load import LoadedMap
 from mapcli.model.grid import GridMap, crop_to_known
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import Pose2D
@@ -126,7 +127,7 @@ def apply(
 
 
 def _crop(result: Result, box: Any, dialect: Dialect) -> Result:
-    from mapcli.algorithms.maps.transform import crop_to_box
+    from mapcli import crop_to_box
 
     grid = crop_to_known(result.grid) if box == "known" else crop_to_box(result.grid, *box)
     return replace(result, grid=grid)
@@ -139,19 +140,19 @@ def _bake_yaw(result: Result, value: bool, dialect: Dialect) -> Result:
 
 
 def _resample(result: Result, resolution: float, dialect: Dialect) -> Result:
-    from mapcli.algorithms.maps.transform import resample
+    from mapcli import resample
 
     return replace(result, grid=resample(result.grid, resolution))
 
 
 def _rotate(result: Result, degrees: float, dialect: Dialect) -> Result:
-    from mapcli.algorithms.maps.transform import rotate
+    from mapcli import rotate
 
     return result.moved(rotate(result.grid, math.radians(degrees)))
 
 
 def _flip(result: Result, side: Any, dialect: Dialect) -> Result:
-    from mapcli.algorithms.maps.transform import flip
+    from mapcli import flip
 
     return result.moved(flip(result.grid, side))
 
@@ -169,7 +170,8 @@ def _origin(result: Result, origin: Pose2D, dialect: Dialect) -> Result:
 
 
 def _align(result: Result, value: bool, dialect: Dialect) -> Result:
-    from mapcli.algorithms.maps.transform import MovedMap, align_walls
+    from mapcli import align_walls
+    from mapcli.algorithms.maps.transform import MovedMap
 
     grid, motion, angle = align_walls(result.grid)
     degrees = round(math.degrees(angle), 3) + 0.0
@@ -178,7 +180,7 @@ def _align(result: Result, value: bool, dialect: Dialect) -> Result:
 
 
 def _merge(result: Result, value: tuple[str, Pose2D | str | None], dialect: Dialect) -> Result:
-    from mapcli.algorithms.maps.registration import merge_maps
+    from mapcli import merge_maps
 
     file, how = value
     digests = dict(result.digests)

@@ -51,9 +51,8 @@ def mow_lawn(
     Raises:
         DataError: no lawn, or marks so large that they touch.
     """
+    from mapcli import load_world, plan_mowing
     from mapcli.algorithms.simulation.mowing import MowerModel, landmark_sizes
-    from mapcli.algorithms.simulation.mowing_plan import plan_mowing
-    from mapcli.formats.documents.world import load_world
 
     outputs = [name for name in (out, given["png"], given["json"]) if name]
     check_outputs(outputs, [world], "maps", no_clobber=given["no_clobber"])
@@ -81,7 +80,7 @@ def _mow_all(
     quiet: bool,
 ) -> list[Mowing]:  # fmt: skip
     """With landmarks of each size; the mown area is measured for the first two."""
-    from mapcli.algorithms.simulation.mowing import mow
+    from mapcli import mow
 
     work: Callable[[int], Mowing] = lambda k: mow(  # noqa: E731
         plan, mower, sizes[k], given["runs"], given["seed"], with_area=k < 2
@@ -95,8 +94,8 @@ def _write(
 ) -> None:  # fmt: skip
     no_clobber = given["no_clobber"]
     if out:
+        from mapcli import save_log
         from mapcli.algorithms.simulation.mowing import mower_log
-        from mapcli.formats.logs.mcap.writer import save_log
 
         first = mowings[min(1, len(mowings) - 1)].runs[0]
         save_log(mower_log(plan, first, wheels.rate), out, no_clobber=no_clobber)

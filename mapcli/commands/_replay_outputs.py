@@ -9,10 +9,11 @@ from typing import Any
 
 import click
 
+from mapcli import save_map
 from mapcli.algorithms.slam.replay import Replayed
 from mapcli.commands._output import check_outputs
 from mapcli.formats.documents.trajectory_text import WRITERS, dump_trajectory
-from mapcli.formats.maps.save import SUFFIXES, SaveOptions, save_map
+from mapcli.formats.maps.save import SUFFIXES, SaveOptions
 from mapcli.formats.output import output_file, write_bytes
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from mapcli import load_map
 from mapcli.commands._limit_option import LimitType
 from mapcli.commands._map_operations import hashing, motion_words
 from mapcli.commands._map_options import dialect_option
@@ -17,7 +18,6 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import check_outputs
-from mapcli.formats.maps.load import load_map
 from mapcli.formats.output import write_bytes
 from mapcli.model.comparison import LIMIT_FIELDS, STATES, Comparison
 from mapcli.model.summary import Limit
@@ -65,7 +65,7 @@ def command(
       mapcli compare mine.yaml truth.yaml --align --png differences.png
       mapcli compare -q mine.yaml truth.yaml --fail-if 'iou_occupied<0.5' --fail-if 'wall_p95_m>0.1'
     """
-    from mapcli.algorithms.maps.compare import compare
+    from mapcli import compare
 
     if a == b == "-":
         raise click.UsageError("A and B cannot both be standard input.")

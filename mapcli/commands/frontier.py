@@ -10,9 +10,10 @@ from typing import Any
 
 import click
 
+from mapcli import explore
+from mapcli import plan as plan_goals
 from mapcli.algorithms.exploration.exploration_parameters import STRATEGIES, ExplorationParameters
-from mapcli.algorithms.exploration.explore import KnownMapError, explore
-from mapcli.algorithms.exploration.explore import plan as plan_goals
+from mapcli.algorithms.exploration.explore import KnownMapError
 from mapcli.algorithms.exploration.runner import is_large
 from mapcli.commands._frontier_inputs import Mission, load_mission, warn_about_known
 from mapcli.commands._frontier_outputs import (

@@ -112,7 +112,7 @@ def _json(
 
 
 def _load(source: str, *, y_down: bool) -> tuple[LoadedWorld, World]:
-    from mapcli.formats.documents.world import load_world
+    from mapcli import load_world
 
     loaded = load_world(source, y_down=y_down)
     if isinstance(loaded.world, GridMap):

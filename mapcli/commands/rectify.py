@@ -107,7 +107,8 @@ def _trace(
     source: str, target: str, png: str | None, tolerance: float | None, shortest: float | None,
     loop: bool | None, no_clobber: bool, verbose: bool,
 ) -> list[tuple[str, str]]:  # fmt: skip
-    from mapcli.algorithms.maps.rectify_trace import RectifyParameters, rectify_trace
+    from mapcli import rectify_trace
+    from mapcli.algorithms.maps.rectify_trace import RectifyParameters
     from mapcli.formats.documents.pose_trace import load_trace_poses
 
     before = load_trace_poses(source)
@@ -162,8 +163,7 @@ def _map(
     source: str, target: str, png: str | None, tolerance: float | None, dialect: Any,
     no_clobber: bool, quiet: bool,
 ) -> list[tuple[str, str]]:  # fmt: skip
-    from mapcli.algorithms.maps.rectify_map import rectify_map
-    from mapcli.formats.maps.load import load_map
+    from mapcli import load_map, rectify_map
 
     loaded = load_map(source, dialect=dialect)
     for warning in () if quiet else loaded.warnings:

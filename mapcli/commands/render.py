@@ -49,9 +49,8 @@ def command(
       mapcli render map.yaml --png map.png --trace trace.json
       mapcli render fig9_4.txt --png fig9_4.png --labels --frontier --robot 5,9
     """
+    from mapcli import load_map, render
     from mapcli.formats.documents.pose_trace import load_trace_poses
-    from mapcli.formats.maps.load import load_map
-    from mapcli.pictures.map_picture import render
 
     if source == trace == "-":
         raise click.UsageError("MAP and --trace cannot both be standard input.")
@@ -74,6 +73,6 @@ def command(
 
 
 def _frontier(grid: GridMap) -> NDArray[np.bool_]:
-    from mapcli.algorithms.exploration.frontier_cells import frontier_cells
+    from mapcli import frontier_cells
 
     return frontier_cells(grid)

@@ -9,9 +9,10 @@ from typing import Any
 
 import click
 
+from mapcli import simulate
 from mapcli.algorithms.simulation.drive import MotionLimits
 from mapcli.algorithms.simulation.sensors import FAULT_KINDS, Fault, LaserModel, WheelModel
-from mapcli.algorithms.simulation.simulate import ROBOT_RADIUS, Simulation, simulate
+from mapcli.algorithms.simulation.simulate import ROBOT_RADIUS, Simulation
 from mapcli.commands._mowing import mow_lawn, mow_options
 from mapcli.commands._options import (
     FILE,
@@ -120,8 +121,7 @@ def command(
           --seed 7 --odom-fault reverse-sign@12-17 --range-max 8 apartment.mcap
       mapcli simulate fixtures/lawn.yaml --mow --landmarks 16 --png mowers.png
     """
-    from mapcli.formats.documents.waypoints import load_waypoints
-    from mapcli.formats.documents.world import load_world
+    from mapcli import load_waypoints, load_world
 
     _check_usage(world, out, path, mow, given)
     try:
@@ -200,7 +200,7 @@ def _names(file: str) -> Iterator[None]:
 
 
 def _write(simulation: Simulation, out: str, no_clobber: bool, quiet: bool) -> None:
-    from mapcli.formats.logs.mcap.writer import save_log
+    from mapcli import save_log
 
     records = progress(simulation.records(), "Driving", simulation.record_count, quiet=quiet)
     save_log(records, out, no_clobber=no_clobber)

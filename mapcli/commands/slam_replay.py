@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from mapcli import load_map
 from mapcli.algorithms.scans.perception import PerceptionParameters
 from mapcli.algorithms.similarity.measures import SIMILARITIES
 from mapcli.algorithms.slam.local_map import LocalMapParameters
@@ -38,7 +39,7 @@ from mapcli.commands._replay_outputs import (
 from mapcli.commands._replay_perceptions import perception_files, write_perceptions
 from mapcli.errors import DataError
 from mapcli.formats.input import DigestingReader
-from mapcli.formats.maps.load import LoadedMap, load_map
+from mapcli.formats.maps.load import LoadedMap
 from mapcli.model.pose import Pose2D
 from mapcli.model.summary import Limit
 

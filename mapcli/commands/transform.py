@@ -117,8 +117,8 @@ def command(
       mapcli transform floor1.yaml all.yaml --merge floor2.yaml@search --merge floor3.yaml@search
       mapcli transform map.yaml - --bake-yaw | mapcli info -
     """
+    from mapcli import load_map
     from mapcli.formats.documents.pose_trace import move_trace
-    from mapcli.formats.maps.load import load_map
 
     operations = click.get_current_context().obj
     if not operations:

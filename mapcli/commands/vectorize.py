@@ -48,9 +48,9 @@ def command(
       mapcli vectorize map.yaml walls.yaml --tolerance 0.05
       mapcli vectorize fig9_1.txt - --y-down
     """
-    from mapcli.algorithms.maps.vectorize import default_tolerance, vectorize
+    from mapcli import load_map, vectorize
+    from mapcli.algorithms.maps.vectorize import default_tolerance
     from mapcli.formats.documents.world import write_world
-    from mapcli.formats.maps.load import load_map
     from mapcli.model.memory import Memory
 
     check_outputs([target], [source], "maps", no_clobber=no_clobber)
