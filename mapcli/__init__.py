@@ -43,6 +43,13 @@ if TYPE_CHECKING:  # what type checkers and editors see; a test compares it with
     from mapcli.algorithms.maps.transform import rotate as rotate
     from mapcli.algorithms.maps.vectorize import vectorize as vectorize
     from mapcli.algorithms.scans.scan_extraction import extract_scan as extract_scan
+    from mapcli.algorithms.similarity.candidate_poses import CandidateWindow as CandidateWindow
+    from mapcli.algorithms.similarity.comparisons import score as score
+    from mapcli.algorithms.similarity.expected_perception import RangeSensor as RangeSensor
+    from mapcli.algorithms.similarity.expected_perception import (
+        expect_perceptions as expect_perceptions,
+    )
+    from mapcli.algorithms.similarity.map_update import update_map as update_map
     from mapcli.algorithms.simulation.drive import MotionLimits as MotionLimits
     from mapcli.algorithms.simulation.drive import plan_drive as plan_drive
     from mapcli.algorithms.simulation.mowing import mow as mow
@@ -102,6 +109,9 @@ HOMES = {
     "plan": "mapcli.algorithms.exploration.explore",
     "frontier_cells": "mapcli.algorithms.exploration.frontier_cells",
     # Sect. 9.5 and 9.6: similarity of perceptions
+    "score": "mapcli.algorithms.similarity.comparisons",
+    "expect_perceptions": "mapcli.algorithms.similarity.expected_perception",
+    "update_map": "mapcli.algorithms.similarity.map_update",
     "load_perception": "mapcli.formats.documents.perception_reader",
     # Simulated robots
     "load_world": "mapcli.formats.documents.world",
@@ -118,6 +128,8 @@ HOMES = {
     "SaveOptions": "mapcli.formats.maps.save",
     "SlamParameters": "mapcli.algorithms.slam.slam",
     "EvaluateParameters": "mapcli.algorithms.evaluation.trajectory_error",
+    "CandidateWindow": "mapcli.algorithms.similarity.candidate_poses",
+    "RangeSensor": "mapcli.algorithms.similarity.expected_perception",
     "ExplorationParameters": "mapcli.algorithms.exploration.exploration_parameters",
     "MotionLimits": "mapcli.algorithms.simulation.drive",
     "WheelModel": "mapcli.algorithms.simulation.sensors",

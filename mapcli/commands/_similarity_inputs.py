@@ -9,11 +9,12 @@ from typing import Any
 
 import click
 
+from mapcli import load_map
 from mapcli.algorithms.similarity.comparisons import Comparison, comparison_of
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.documents.perception_reader import read_perception
 from mapcli.formats.input import read_file
-from mapcli.formats.maps.load import load_map, sniff
+from mapcli.formats.maps.load import sniff
 from mapcli.formats.maps.save import SUFFIXES
 from mapcli.model.grid import GridMap
 from mapcli.model.perception import LandmarkPerception, Perceived, PerceptionDatabase

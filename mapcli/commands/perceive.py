@@ -8,11 +8,8 @@ from typing import Any
 
 import click
 
-from mapcli.algorithms.similarity.expected_perception import (
-    RangeSensor,
-    expect_perceptions,
-    perception_at_intended,
-)
+from mapcli import expect_perceptions
+from mapcli.algorithms.similarity.expected_perception import RangeSensor, perception_at_intended
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import (
@@ -142,8 +139,7 @@ def command(
 
 
 def _world(source: str, dialect: Any, *, quiet: bool) -> World | GridMap:
-    from mapcli.formats.documents.world import load_world
-    from mapcli.formats.maps.load import load_map
+    from mapcli import load_map, load_world
 
     loaded = load_world(source)
     if isinstance(loaded.world, World) or source == "-" or dialect == "nav2":
@@ -164,7 +160,8 @@ def _from_log(
     Raises:
         DataError: there is no such scan.
     """
-    from mapcli.algorithms.scans.scan_extraction import extract_scan, scan_perception
+    from mapcli import extract_scan
+    from mapcli.algorithms.scans.scan_extraction import scan_perception
 
     log = log_input.open([source])
     part = log_input.start_s, log_input.end_s, log_input.every
