@@ -1,5 +1,5 @@
-"""Every output of every command is written here: whole or not at all, never over a file that must
-stay."""
+"""The one writer of every output: files appear whole or not at all, and one that must stay is never
+overwritten. The counterpart of `input.py`."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _refuse(path: Path, no_clobber: bool) -> None:
 
 
 def check_output(path: str | Path, *, no_clobber: bool = False) -> None:
-    """Say early, before minutes of work, why a file could not be written. Leaves no trace.
+    """Raise before minutes of work what writing a file would raise at their end. Leaves no file.
 
     Folders that do not exist yet are taken to be made when the file is written.
 

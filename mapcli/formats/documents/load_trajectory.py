@@ -1,4 +1,4 @@
-"""Opening a trajectory, whatever its format: the content decides, not the suffix.
+"""Loading a trajectory: the content decides which format it is, not the suffix.
 
 Our own `trace.json`, the formats of `trajectory_text`, `t x y theta` text, and MCAP files with
 poses such as those that `mapcli simulate` writes. Plain or gzip.
@@ -60,7 +60,7 @@ def _from_mcap(data: bytes, file: str, topic: str | None) -> tuple[Trajectory, t
     from mapcli.model.log import Damage
 
     damage = Damage()
-    with tempfile.NamedTemporaryFile(prefix="mapcli-") as copy:  # it is read here and there
+    with tempfile.NamedTemporaryFile(prefix="mapcli-") as copy:  # MCAP needs random access
         copy.write(data)
         copy.flush()
         trajectory = read_mcap_poses(Source(file, Path(copy.name)), topic, damage)

@@ -1,4 +1,4 @@
-"""Pose traces: where the robot was, as `mapcli slam-replay` writes it (`mapcli.pose-trace`)."""
+"""Pose traces (`mapcli.pose-trace`): the pose of the robot in the map at every scan."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mapcli.model.trajectory import Trajectory
 POSE_TRACE = "mapcli.pose-trace"
 
 FARTHEST_M = 1e9
-"""No robot gets there; a number beyond is damage, and nothing could be drawn with it."""
+"""Coordinates beyond are taken for damage; nothing could be drawn with them."""
 
 
 def load_trace_poses(path: str | Path) -> Trajectory:
@@ -56,9 +56,10 @@ def read_trace_poses(data: bytes, file: str) -> Trajectory:
 
 
 def move_trace(path: str | Path, motion: Isometry) -> bytes:
-    """A trace file's content after the world has moved: the poses with it, the rest as it was.
+    """The bytes of a trace after a rigid motion of its map, maybe with a mirror image.
 
-    A mirror turns steps to the left into steps to the right, in the odometry and the loops too.
+    The poses move with the map. Odometry and loops are relative and stay as they are, except that
+    a mirror changes the sign of their y and theta.
 
     Raises:
         FormatError: as of `load_trace_poses`.

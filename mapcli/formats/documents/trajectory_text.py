@@ -104,10 +104,10 @@ WRITERS = {".tum": _tum, ".kitti": _kitti, ".g2o": _g2o, ".csv": _csv}
 
 
 FARTHEST_M = 1e9
-"""No robot gets there; a number beyond is damage."""
+"""Coordinates beyond are taken for damage."""
 
 LATEST_S = 2**63 // 10**9
-"""What nanoseconds in 64 bits can hold."""
+"""Seconds that nanoseconds in an int64 can hold."""
 
 TEXT_COLUMNS = {
     4: "t x y theta",
@@ -186,7 +186,7 @@ def _is_number(word: str) -> bool:
 
 
 def stamp_ns(word: str, file: str, where: str) -> int:
-    """Seconds as nanoseconds, exactly: a float would lose the last of the year's digits.
+    """A time in seconds as nanoseconds, exactly: a float64 would round times since 1970.
 
     Raises:
         FormatError: no number, or none that fits.

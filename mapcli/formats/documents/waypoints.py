@@ -1,4 +1,4 @@
-"""Paths that robots drive: text, one waypoint a line, the first is the start.
+"""Paths for simulated robots to drive: text, one waypoint a line, the first is the start.
 
     0.5 0.5                      # x and y in metres, separated by blanks or a comma
     3.0 0.5  speed=0.3 pause=2   # limit on the way there, m/s; seconds to stand there

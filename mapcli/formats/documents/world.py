@@ -34,7 +34,7 @@ KEYS = {"polygons", "points"}
 
 @dataclass(frozen=True)
 class LoadedWorld:
-    """A world, continuous or as a grid, and what its reader should know (see `LoadedMap`).
+    """A world, continuous or as a grid map, with warnings as of `LoadedMap`.
 
     Attributes:
         y_down: whether y grows downwards in the file; in `world` it grows upwards.
@@ -93,8 +93,8 @@ def write_world(world: World, *, y_down: bool = False) -> bytes:
 
 
 def turned_over(world: World) -> World:
-    """The same with every y of the other sign: between y up and y down."""
-    # + 0.0: no -0.0, which nobody writes.
+    """The world with the sign of every y changed: from y up to y down, or back."""
+    # + 0.0 makes 0.0 of -0.0.
     over = np.array([1.0, -1.0])
     return World(tuple(p * over + 0.0 for p in world.polygons), world.points * over + 0.0)
 

@@ -1,4 +1,7 @@
-"""Bytes of a file, plain or gzip, in blocks and lines; what a broken gzip still holds is used."""
+"""The bytes of a log, plain or gzip, in blocks and in lines.
+
+Of a damaged gzip stream, what comes before the damage is used.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +15,13 @@ from mapcli.model.log import Damage
 
 BLOCK_BYTES = 1 << 16
 MAX_LINE_BYTES = 1 << 20
-"""A line beyond this (20,000 beams have 200 kB) is no message; it is skipped, not collected."""
+"""A longer line (20,000 beams have 200 kB) is no message; it is skipped and not held in memory."""
 
 _GZIP_FORMAT = 31
 """zlib's `wbits` for a gzip header."""
 
 _STEP_BYTES = 512
-"""Unpacked at a time: an error takes the output of its step with it, so steps are small."""
+"""Packed bytes per step. An error loses the output of its whole step, so steps are small."""
 
 
 def read_blocks(source: Source, damage: Damage) -> Iterator[bytes]:

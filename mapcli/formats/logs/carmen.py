@@ -37,7 +37,7 @@ MOUNT_TOLERANCE_M, MOUNT_TOLERANCE_RAD = 0.002, math.radians(0.1)
 
 
 class _Survey:
-    """What a first pass over a log finds: how many messages, and what the first scans tell.
+    """The first pass over a log: counts of messages, and ranges and mounts of the first scans.
 
     Attributes:
         counts: messages by name, whether they are well formed or not.
@@ -62,7 +62,7 @@ class _Survey:
             ranges.append(np.empty(0, dtype=np.float32))
 
     def repeated_maximum(self, name: str) -> float | None:
-        """The largest reading, if it looks like the laser's way to say no return."""
+        """The largest reading, metres, if it repeats so often that it means no return; or None."""
         ranges = np.concatenate([np.empty(0, dtype=np.float32), *self._ranges.get(name, ())])
         largest = ranges[np.isfinite(ranges)].max(initial=0.0)
         times = np.count_nonzero(ranges == largest)

@@ -1,4 +1,4 @@
-"""What all log formats have in common: sources, topic choice, stamp order, strictness."""
+"""The base class of all log readers: choice of topics, order of stamps, damage, strictness."""
 
 from __future__ import annotations
 
@@ -52,7 +52,9 @@ class StrictDamage(Damage):
 
 
 class Log(ABC):
-    """A recording, open for reading (stateful: damage, notes and beams fill while it is read).
+    """A recording, open for reading. Records stream: the log is never held in memory as a whole.
+
+    Stateful: damage, notes and beams are filled while the records are read.
 
     Attributes:
         name: the first input's file name.
@@ -128,6 +130,7 @@ class Log(ABC):
         return choose_odom_topic(self.topics(), self.options.odom_topic, self.sources[0].name)
 
     def note(self, text: str) -> None:
+        """Add to `notes`, once."""
         if text not in self.notes:
             self.notes.append(text)
 
@@ -176,7 +179,7 @@ class Log(ABC):
 
         A record that comes later than that with a stamp before one already given out is dropped
         and counted: after a clock was set back, mapcli cannot know which of two moments is meant.
-        A stray stamp in the future harms nobody; it waits for its turn at the end.
+        A single stamp far in the future does no harm: its record is given out at the end.
         """
         waiting = _InOrder()
         given, latest = -1, dict[type[Record], int]()

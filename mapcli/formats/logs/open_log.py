@@ -1,4 +1,4 @@
-"""Opening a log, whatever its format: the content decides, not the suffix."""
+"""Opening a log: the content decides which reader is used, not the suffix."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FOREIGN = {
     b"\x28\xb5\x2f\xfd": "is packed with zstd; unpack it first",
     b"PK\x03\x04": "is a zip archive; unpack it first",
 }
-"""How files start that are known, but not read."""
+"""First bytes of formats that are recognised but not read -> what the user can do."""
 
 
 def open_log(paths: Sequence[str], options: LogOptions = DEFAULTS) -> Log:
@@ -119,7 +119,7 @@ def _kind(source: Source) -> str:
 
 
 def _start(source: Source) -> bytes:
-    """The first (unpacked) bytes; what is wrong with the packing shows again when it is read."""
+    """The first bytes, unpacked. Damage of the gzip stream is counted when the log is read."""
     start = b""
     for block in read_blocks(source, Damage()):
         start += block
@@ -129,7 +129,7 @@ def _start(source: Source) -> bytes:
 
 
 def _unpacked(source: Source, kind: str) -> Source:
-    """MCAP files are read here and there, so a packed one is unpacked to a temporary file."""
+    """MCAP files need random access, so a gzip one is unpacked into a temporary file."""
     if kind != "MCAP":
         return source
     with source.path.open("rb") as file:

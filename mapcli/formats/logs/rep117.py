@@ -1,4 +1,4 @@
-"""From what drivers write into a scan to REP 117: +inf no return, -inf too close, NaN invalid."""
+"""Ranges as drivers write them -> REP 117: +inf no return, -inf too close, NaN invalid."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def single(value: float) -> float:
 
 
 def sensible_limits(range_min: float, range_max: float) -> tuple[float, float]:
-    """The sensor's limits; nonsense (0, NaN, crossed) becomes what limits nothing."""
+    """(range_min, range_max), metres; 0 and infinity where they are 0, NaN or crossed."""
     low = range_min if math.isfinite(range_min) and range_min > 0 else 0.0
     return low, range_max if range_max > low else math.inf
 

@@ -1,4 +1,4 @@
-"""What the grey of a map image means to whom: Nav2 since 2026, Nav2 before, ROS 1.
+"""Grey of a map image <-> occupancy percent, as Nav2 since 2026, Nav2 before and ROS 1 do it.
 
     dialect     grey           thresholds   transparency                        scale, in between
     nav2        luma           inclusive    unknown (not in raw mode)           0..100, half up
@@ -8,10 +8,10 @@
                                             mean; scale: unknown when fully
                                             transparent and in between
 
-In raw mode both Nav2 ignore `negate`, and ROS 1 heeds it. Under `nav2` free wins where both
-thresholds hold, under the others occupied. Nav2 of 2026 computes in float32, the others in double.
+In raw mode both Nav2 ignore `negate`, ROS 1 applies it. A cell that meets both thresholds is free
+under `nav2` and occupied under the others. Nav2 of 2026 computes in float32, the others in double.
 Sources: nav2_map_server/map_io.cpp of August 2026 and of July 2024, map_server/image_loader.cpp
-of 2023. A whole map is percents then, in bytes, as in their OccupancyGrid; 255 is unknown.
+of 2023. The result is a byte per cell, 0 to 100 percent as in their OccupancyGrid; 255 is unknown.
 """
 
 from __future__ import annotations
@@ -123,7 +123,12 @@ def _percents_ros1(sums: NDArray[np.int64], channels: int, rule: GreyRule) -> ND
 
 
 def _exclusive(occ: NDArray[np.float64], rule: GreyRule, scale: Any) -> NDArray[np.uint8]:
-    """Thresholds that a cell must pass, not reach; `scale` makes percents of shares in between."""
+    """Percents under thresholds that a cell must exceed; at a threshold it is in between.
+
+    Args:
+        occ: darkness, 0 to 1.
+        scale: makes percents of shares 0 to 1 of the way between the thresholds.
+    """
     percents = np.full(occ.shape, np.nan)
     between = (occ >= rule.free_thresh) & (occ <= rule.occupied_thresh)
     span = rule.occupied_thresh - rule.free_thresh

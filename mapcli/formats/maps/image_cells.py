@@ -1,4 +1,4 @@
-"""From a map image to the cells of a map, and what is doubtful about it."""
+"""From the pixels of a map image to the cells of a map, with warnings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class ImageCells:
 
     Attributes:
         percents: shape (rows, columns), uint8, see `GridMap.stored`.
-        warnings: how the map may not mean what its author meant.
+        warnings: where the cells are probably not what the author of the map meant.
         remarks: what other programs may stumble over.
     """
 
@@ -82,7 +82,7 @@ _CLEAR_MEANS = {
 
 
 def _freed_unknowns(greys: NDArray[np.int64], rule: GreyRule, dialect: Dialect) -> list[str]:
-    """The trap of maps saved with free_thresh 0.25."""
+    """Warn of grey 205, written for unknown, that reads as free under a free_thresh of 0.25."""
     customary = 255 - UNKNOWN_GREY if rule.negate else UNKNOWN_GREY
     count = int(greys[customary])
     if rule.mode != "trinary" or not count or percents_of_greys(rule, dialect)[customary] != 0:
@@ -103,7 +103,7 @@ def _odd_percents(greys: NDArray[np.int64], rule: GreyRule) -> list[str]:
 
 
 def _disagreements(greys: NDArray[np.int64], rule: GreyRule, dialect: Dialect) -> list[str]:
-    """Cells of plain grey that other dialects read otherwise."""
+    """Remarks on cells without colour and alpha that other dialects read as another percent."""
     mine = percents_of_greys(rule, dialect)
     found = []
     for other in DIALECTS:

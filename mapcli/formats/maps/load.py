@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LoadedMap:
-    """A map and what its files say about it.
+    """A map, and what is known about its files.
 
     Attributes:
         grid: the map.
@@ -63,11 +63,11 @@ def load_map(
 
     Args:
         path: the file, or `-` for standard input.
-        dialect: whose rules give an image's grey its meaning (see `grey`).
+        dialect: whose rules give an image's grey its meaning (see `dialects`).
         resolution, origin: used in the place of what the file says.
-        form: the format, when it is known otherwise than by suffix or content.
-        read: where bytes come from.
-        lenient: put up with an origin that is not finite, with a warning.
+        form: the format; None goes by the suffix, else by the content.
+        read: gives the bytes of a path, see `input`.
+        lenient: take 0 for what is not finite in the origin, with a warning.
 
     Raises:
         FormatError: the file, or the image it names, does not hold a map.
@@ -108,7 +108,7 @@ def _load(path: Path, form: Format | None, reading: _Reading) -> LoadedMap:
 
 
 def sniff(data: bytes) -> Format:
-    """The format of bytes without a telling name."""
+    """The format by the content, for names whose suffix says none."""
     if data[:2] in (b"P2", b"P5"):
         return "pgm"
     if data.startswith(b"\x89PNG"):
@@ -154,7 +154,7 @@ def _load_image(path: Path, data: bytes, reading: _Reading) -> LoadedMap:
 
 
 def _assumption(path: Path, reading: _Reading) -> tuple[str, ...]:
-    """A warning of what the metadata of an image would have said, and nobody did."""
+    """The warning about values assumed for an image without metadata."""
     assumed = [] if reading.resolution else ["1 m per cell"]
     assumed += [] if reading.origin else ["origin 0, 0, 0"]
     beside = path.with_suffix(".yaml") if path.suffix else path

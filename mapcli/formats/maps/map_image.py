@@ -6,7 +6,7 @@ A pixel's darkness `occ` is `1 - grey / 255`, or `grey / 255` with `negate`. By 
     scale     the same two, and in between the percent (occ - free) / (occupied - free)
     raw       the grey itself is the percent, 0 to 100; anything else is unknown
 
-What exactly the readers make of it differs, see `dialects`.
+Map servers differ in the details, see `dialects`.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class GreyImage:
 
 @dataclass(frozen=True, eq=False)
 class MapImage:
-    """A map image as a file has it; its pixels are given out by rows, for it may be large.
+    """A map image; its pixels are decoded some rows at a time, because it may be large.
 
     Attributes:
         rows, columns: its size.

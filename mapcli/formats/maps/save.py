@@ -1,4 +1,7 @@
-"""Maps out: `dump_map` turns a map into the bytes of its files; see `load` for the formats."""
+"""Saving maps: `save_map` writes the files of a map, `dump_map` gives their bytes.
+
+The formats are those that `load` lists.
+"""
 
 from __future__ import annotations
 
@@ -119,7 +122,7 @@ def save_map(
     *,
     no_clobber: bool = False,
 ) -> list[str]:
-    """Write a map in the format of its suffix (`dump.SaveOptions` has the rest), and give the
+    """Write a map in the format of its suffix (`options` has the rest), and give the
     names of its files: `x.yaml` also makes `x.pgm`.
 
     All files appear complete, or none. `-` is standard output. `mapcli.load_map` is the inverse.
@@ -193,7 +196,8 @@ def format_of(path: str | PurePath, options: SaveOptions) -> Format:
 def as_written(
     grid: GridMap, path: str | PurePath, options: SaveOptions
 ) -> Callable[[NDArray[np.float32]], NDArray[np.float32]]:
-    """What readers of the dialect will find for cells of a map that `map_files` writes."""
+    """What readers of the dialect find for cells of a map that `map_files` writes: a function of
+    probabilities, float32, NaN where unknown, both ways."""
     kind = format_of(path, options)
     free, occupied = options.thresholds
     if kind == "txt" and options.characters:
@@ -223,7 +227,7 @@ def _text(grid: GridMap, options: SaveOptions) -> Iterator[bytes]:
 
 
 def _greys(cells: NDArray[np.float32], options: SaveOptions) -> NDArray[np.uint8]:
-    """The pixels of cells, by mode."""
+    """The grey of each cell's pixel, by mode."""
     if options.mode == "trinary":
         return trinary_greys(cells, *options.thresholds, negate=options.negate)
     unknown = 255 if options.mode == "raw" else 128

@@ -94,7 +94,7 @@ def _bare(line: str) -> str:
 
 
 def _character_line(line: str) -> str:
-    """A line of the character form: whole when it is a row, for there `#` is a wall."""
+    """A line of the character form, whole when it is a row: there `#` is an obstacle."""
     content = line.strip()
     if CHARACTER_ROW.fullmatch(content):
         return content
@@ -118,12 +118,12 @@ def _add_header(
 
 
 class TextRows:
-    """Collects rows of cells and minds that all have the same length.
+    """Collects rows of cells, and checks that all have the same length (stateful).
 
     Args:
         file: for errors.
-        limit: the most cells that a file of its length can spell out; YAML can repeat itself
-            endlessly in a few bytes.
+        limit: the most cells that a file of its length can hold; with aliases, a few bytes of
+            YAML can claim any number.
     """
 
     def __init__(self, file: str, limit: int) -> None:

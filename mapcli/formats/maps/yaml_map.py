@@ -50,8 +50,8 @@ class ImageMeta:
         resolution: metres per cell.
         origin: pose of the outer corner of the bottom-left cell.
         rule: what the image's grey means.
-        warnings: what was odd.
-        remarks: what other programs may stumble over.
+        warnings: for whoever loads the map.
+        remarks: where other programs would read it otherwise; for `mapcli info`.
     """
 
     image: str
@@ -65,7 +65,7 @@ class ImageMeta:
 
 @dataclass(frozen=True, eq=False)
 class CellsYaml:
-    """A self-contained map, what was odd, and what others may stumble over."""
+    """A self-contained map, with warnings and remarks as of `ImageMeta`."""
 
     grid: GridMap
     warnings: tuple[str, ...] = ()

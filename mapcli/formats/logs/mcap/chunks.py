@@ -90,7 +90,7 @@ def _begun(packed: bytes, head: ChunkHead) -> bytes:
             if sum(map(len, parts)) > MAX_UNPACKED_BYTES:
                 break
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError):
-        pass  # what came before is all there is
+        pass  # what was unpacked before the damage is all there is
     return b"".join(parts)
 
 

@@ -35,7 +35,7 @@ DATA_END_BYTES = RECORD.size + 4
 BAD_SUMMARY = "tables of contents that cannot be read"
 
 MAX_OPEN_SEGMENTS = 64
-"""Chunks of one time that are held unpacked; beyond, order is left to the reader."""
+"""Overlapping chunks that are held unpacked at most; beyond, `Log` restores the order of stamps."""
 
 
 class Message(NamedTuple):
@@ -67,7 +67,7 @@ class McapFile:
             end, finished, statistics = self._read_summary(file)
             layout = walk(file, end, finished, source.name, damage)
             self._segments = layout.segments
-            # Where both tell a channel, the summary does so under a checksum.
+            # Where both describe a channel, the summary wins: it is under a checksum.
             self.schemas = layout.schemas | self.schemas
             self.channels = layout.channels | self.channels
             if statistics is not None and self._all_described():
@@ -76,7 +76,7 @@ class McapFile:
                 self._survey(file)
 
     def _read_summary(self, file: BinaryIO) -> tuple[int, bool, Statistics | None]:
-        """Where the data end, whether as in a finished file, and then the statistics."""
+        """(end of the data section, whether the file was finished, its statistics if any)."""
         size = file.seek(0, 2)
         tail = size - len(MCAP_MAGIC) - FOOTER.size
         file.seek(max(tail, 0))
@@ -135,7 +135,7 @@ class McapFile:
                 segment.counts = {}
 
     def _survey(self, file: BinaryIO) -> None:
-        """Find channels and counts by unpacking everything once."""
+        """Find channels and counts by unpacking every chunk once (there is no usable summary)."""
         for segment in self._segments:
             segment.counts = {}
             try:

@@ -1,4 +1,4 @@
-"""Poses out of an MCAP file: the true ones of a simulator, or those that another tool estimated."""
+"""The poses on a topic of an MCAP file: ground truth of a simulator, or another tool's estimate."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ DECODERS: dict[str, Callable[[Any], PoseMessage | OdometryMessage]] = {
     "geometry_msgs/msg/PoseStamped": decode.pose_from_cdr,
     "nav_msgs/msg/Odometry": decode.odometry_from_cdr,
 }
-"""Type -> what takes its messages apart. Odometry counts only when its topic is named."""
+"""Message type -> decoder. Odometry is used only when its topic is named."""
 
 TRUTH = "/ground_truth"
-"""Where `mapcli simulate` writes the true poses; believed before other topics."""
+"""Where `mapcli simulate` writes the true poses; preferred to other topics."""
 
 
 def read_mcap_poses(source: Source, topic: str | None, damage: Damage) -> Trajectory:

@@ -26,10 +26,10 @@ ROLES: dict[str, Role] = {
     "TFMessage": "tf",
     "tfMessage": "tf",
 }
-"""Last part of a type's name -> what it is good for."""
+"""Last part of a message type's name -> role of its topic."""
 
 JSON_KEYS: dict[str, Role] = {"angle_min": "scan", "child_frame_id": "odometry", "transforms": "tf"}
-"""What gives a JSON message without a schema away."""
+"""Key by which a JSON message without a schema is recognised -> role of its topic."""
 
 DECODERS: dict[tuple[Role, str], Callable[[Any], Any]] = {
     ("scan", "cdr"): decode.scan_from_cdr,
@@ -43,7 +43,7 @@ DECODERS: dict[tuple[Role, str], Callable[[Any], Any]] = {
 }
 
 LATEST_STAMP_NS = 2**31 * NANOSECONDS
-"""The end of ROS 2's time."""
+"""ROS 2 stamps hold seconds in an int32."""
 
 Decoded = tuple[int, Topic, Any]
 """Log time, topic, message."""
@@ -156,7 +156,7 @@ class McapLog(Log):
                 yield record
 
     def _stamp(self, stamp_ns: int, log_time_ns: int, topic: Topic) -> int | None:
-        """The time that counts, or None for one that cannot be."""
+        """The stamp to use, nanoseconds, by `options.time_source`; None if it is impossible."""
         if self.options.time_source == "log":
             stamp_ns = log_time_ns
         elif stamp_ns == 0:
@@ -222,7 +222,7 @@ def topics_of(files: Sequence[McapFile]) -> dict[Topic, list[tuple[McapFile, int
 
 
 def role_of_channel(file: McapFile, number: int, type_name: str) -> Role:
-    """What a channel is good for; `other` if it could be read in another encoding only."""
+    """The role of a channel; `other` if its encoding cannot be decoded."""
     channel = file.channels[number]
     role = role_of_type(type_name)
     if not type_name and channel.message_encoding == "json":

@@ -119,7 +119,7 @@ class McapLogWriter:
     def message(
         self, topic: str, type_name: str, message: Any, stamp_ns: int, *, latched: bool = False
     ) -> None:
-        """Append any ROS 2 message, built with `ros_messages.build`.
+        """Append any ROS 2 message, built with `ros.messages.build`.
 
         Raises:
             DataError: the stamp does not fit into a ROS 2 time.

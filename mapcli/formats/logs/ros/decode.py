@@ -1,6 +1,6 @@
-"""Taking LaserScan, Odometry and TFMessage apart, from CDR or from JSON of the same shape.
+"""Decoding LaserScan, Odometry, PoseStamped and TFMessage, from CDR or from JSON of the same shape.
 
-Every decoder raises ValueError for bytes that do not hold its message. These three messages make
+Every decoder raises ValueError for bytes that do not hold its message. These messages make
 up whole logs and have not changed since ROS 2 began, so their CDR is read by hand: ten times
 faster than by general decoders, and no schema is needed.
 """

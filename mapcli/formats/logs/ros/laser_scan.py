@@ -1,4 +1,4 @@
-"""From a LaserScan message as drivers send it to a scan that keeps its promises."""
+"""From a LaserScan message as drivers send it to a `RangeScan`, whose ranges follow REP 117."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def range_scan(
     """The scan as a record; None if its beams have no usable angles, or there are none.
 
     Args:
-        note: told what had to be put right.
+        note: called with a sentence about each field that was corrected.
     """
     increment = settled_increment(message)
     if len(message.ranges) == 0 or not math.isfinite(message.angle_min) or increment is None:

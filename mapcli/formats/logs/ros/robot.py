@@ -1,4 +1,4 @@
-"""What the transforms of a log tell about the robot: its frame, the laser's mount, odometry."""
+"""The robot in the transforms of a log: its base frame, the mounts of its lasers, its odometry."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mapcli.formats.logs.ros.transforms import MAX_TILT_DEG, FrameTree, is_base,
 from mapcli.model.scan import Mount
 
 MOVING_TRANSFORMS = 5000
-"""Transforms of /tf that are looked at to see the frames."""
+"""Transforms of /tf that are read to find the frames."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Robot:
     odom_frame: str | None = None
 
     def mount(self, laser_frame: str) -> tuple[Mount, str | None]:
-        """The mount of a laser, and what has to be said about it.
+        """The mount of a laser, and a note for the user, or None.
 
         Raises:
             DataError: the laser does not look along the floor.
@@ -57,7 +57,7 @@ class Robot:
 def find_robot(
     laser_frame: str, odom_child: str, static: Iterable[Transform], moving: Iterable[Transform]
 ) -> Robot:
-    """See which frame is the robot.
+    """Find the base frame of the robot and, where /tf has it, the odometry frame.
 
     Args:
         laser_frame: of the scans.
@@ -86,7 +86,7 @@ def _robot_below_odom(tree: FrameTree, laser_frame: str, still: set[str]) -> Rob
         body = line[: line.index(odom)]
         moving = _first(lambda frame: frame not in still, body)
         return Robot(tree, _first(is_base, body) or moving or body[-1], odom)
-    # The laser hangs in the air, if at all; look for the robot on its own.
+    # No transform connects the laser to odometry: look for the robot without it.
     bodies = [child for child in tree.children() if is_odom(tree.ancestry(child)[1])]
     if bodies:
         body_frame = _first(is_base, bodies) or bodies[0]

@@ -1,4 +1,4 @@
-"""Frames in space and the tree they hang in, as /tf and /tf_static tell it."""
+"""Rigid transforms in space, and the tree of frames of /tf and /tf_static."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BASE_FRAMES = ("base_link", "base_footprint")
 
 @dataclass(frozen=True, eq=False)
 class Rigid:
-    """A motion in space, `parent_from_child`.
+    """A rigid transform in space, `parent_from_child`.
 
     Attributes:
         rotation: shape (3, 3).
@@ -76,19 +76,19 @@ def rigid(translation: Iterable[float], quaternion: Iterable[float]) -> Rigid:
 def mount_of(robot_from_laser: Rigid) -> Mount | None:
     """The mount in the plane; None if the laser is tilted by more than `MAX_TILT_DEG`.
 
-    Upside down is told by where the laser's z axis points.
+    It is upside down when the laser's z axis points down.
     """
     upwards = robot_from_laser.rotation[2, 2]
     if abs(upwards) < math.cos(math.radians(MAX_TILT_DEG)):
         return None
     pose = robot_from_laser.pose()
-    # Compositions leave dust behind the micrometres.
+    # Composing transforms leaves rounding errors far below a micrometre.
     placed = Pose2D(round(pose.x, 9) + 0.0, round(pose.y, 9) + 0.0, pose.theta)
     return Mount(placed, bool(upwards < 0))
 
 
 class FrameTree:
-    """Frames by name, each with its parent (stateful: `add` hangs them in)."""
+    """The tree of frames: each by name, with its parent (stateful: `add`)."""
 
     def __init__(self) -> None:
         self._parents: dict[str, tuple[str, Rigid]] = {}
