@@ -27,9 +27,14 @@ def test_a_file_appears_when_it_is_complete(tmp_path: Path) -> None:
 
 def test_a_failure_leaves_the_older_file(tmp_path: Path) -> None:
     write_bytes(tmp_path / "out", b"old")
-    with pytest.raises(ZeroDivisionError), output_file(tmp_path / "out") as file:
-        file.write(b"new")
-        raise ZeroDivisionError
+
+    def fail_half_way() -> None:
+        with output_file(tmp_path / "out") as file:
+            file.write(b"new")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail_half_way()
     assert names(tmp_path) == ["out"]
     assert (tmp_path / "out").read_bytes() == b"old"
 
@@ -59,9 +64,9 @@ def test_an_early_check_leaves_no_file(tmp_path: Path) -> None:
 
 
 def test_reading_names_the_file_and_what_is_wrong(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match="nowhere: no such file$"):
+    with pytest.raises(FormatError, match=r"nowhere: no such file$"):
         read_file(tmp_path / "nowhere")
-    with pytest.raises(FormatError, match="is a directory; expected a world$"):
+    with pytest.raises(FormatError, match=r"is a directory; expected a world$"):
         read_file(tmp_path, "a world")
 
 
@@ -75,5 +80,5 @@ def test_digests_are_of_the_bytes_that_were_read(tmp_path: Path) -> None:
 def test_gzip_is_unpacked_by_content() -> None:
     packed = gzip.compress(b"content")
     assert unpacked(packed, "a") == unpacked(b"content", "a") == b"content"
-    with pytest.raises(FormatError, match="a: cannot be unpacked: .*; expected gzip"):
+    with pytest.raises(FormatError, match=r"a: cannot be unpacked: .*; expected gzip"):
         unpacked(packed[:-9], "a")

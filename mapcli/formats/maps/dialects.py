@@ -84,6 +84,7 @@ def _read_nav2(image: GreyImage, rule: GreyRule) -> NDArray[np.uint8]:
     return percents
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a threshold beyond float32 becomes infinite
 def _percents_nav2(rule: GreyRule) -> NDArray[np.uint8]:
     """By grey, shape (256,)."""
     grey = np.arange(256)

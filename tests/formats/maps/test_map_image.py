@@ -17,7 +17,7 @@ from mapcli.formats.maps.dialects import (
     percents_of_greys,
     read_percents,
 )
-from mapcli.formats.maps.map_image import GreyImage, GreyRule, Mode, trinary_greys
+from mapcli.formats.maps.map_image import MODES, GreyImage, GreyRule, Mode, trinary_greys
 
 RAMP = GreyImage(np.arange(256, dtype=np.uint8).reshape(1, 256, 1))
 UNKNOWN = -1
@@ -154,6 +154,17 @@ def test_nav2_table_equals_a_pixel_by_pixel_reading(mode: Mode, negate: bool, fr
 def test_thresholds_that_make_no_sense(free: float, occupied: float) -> None:
     with pytest.raises(DataError, match="free_thresh"):
         GreyRule("trinary", free, occupied)
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(("free", "occupied"), [(1e41, 0.65), (0.2, 1e41), (-1e41, 0.65)])
+def test_thresholds_beyond_float32_are_as_good_as_infinite(
+    mode: Mode, free: float, occupied: float
+) -> None:
+    for dialect in DIALECTS:  # a warning of numpy would be an error here
+        percents = percents_of_greys(GreyRule(mode, free, occupied), dialect)
+        if dialect == "nav2" and mode != "raw" and free > 1:
+            assert (percents == 0).all()
 
 
 def test_thresholds_out_of_order_are_taken_as_map_servers_do() -> None:
