@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.slam._kernels import surfel_map as kernels
-from mapcli.algorithms.slam._kernels.gauss_newton import NormalEquations, Pose
+from mapcli.algorithms.slam._kernels.gauss_newton import NormalEquations
+from mapcli.algorithms.slam._kernels.pose import Pose
 from mapcli.algorithms.slam._kernels.sparse_grid import BORDER, SIDE, SparseGrid, Used
 
 Floats = NDArray[np.float64]

@@ -18,6 +18,7 @@ from mapcli.algorithms.slam._kernels.likelihood_field import (
     interpolate_gaps,
     update_likelihood_field,
 )
+from mapcli.algorithms.slam._kernels.pose import Pose
 from mapcli.algorithms.slam._kernels.ray_tracing import (
     NO_CELLS,
     Beams,
@@ -25,7 +26,6 @@ from mapcli.algorithms.slam._kernels.ray_tracing import (
     CellLists,
     GridFrame,
     MapLayers,
-    RobotPose,
     integrate_beams,
     place_beams,
 )
@@ -217,7 +217,7 @@ class OccupancyGrid:
         ends, cells = np.empty_like(beams), np.empty_like(beams)
         x, y = self._origin.tolist()
         frame = GridFrame(x, y, self.parameters.resolution)
-        extent = place_beams(beams, RobotPose(pose.x, pose.y, pose.theta), frame, ends, cells)
+        extent = place_beams(beams, Pose(pose.x, pose.y, pose.theta), frame, ends, cells)
         self._write_within(extent.box)
         cells -= (self._u0, self._v0)
         return ends, Beams(cells, hits), extent.max_touched

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.compiling import kernel
+from mapcli.algorithms.slam._kernels.pose import Pose
 from mapcli.algorithms.slam._kernels.surfel_map import (
     INFORMATION_XX,
     INFORMATION_XY,
@@ -39,14 +40,6 @@ LEAST_INFORMATION = 1e-9
 SQUARED_SCALE = 3.0 * 3.0
 """Of the robust kernel of points, s^2: at three standard deviations a point's weight is a
 quarter."""
-
-
-class Pose(NamedTuple):
-    """Of the robot in the map: metres, radians (not wrapped)."""
-
-    x: float
-    y: float
-    theta: float
 
 
 class NormalEquations(NamedTuple):

@@ -17,11 +17,11 @@ from mapcli.algorithms.compiling import kernel
 from mapcli.algorithms.slam._kernels.gauss_newton import (
     SQUARED_SCALE,
     NormalEquations,
-    Pose,
     Prediction,
     gauss_newton,
     is_still,
 )
+from mapcli.algorithms.slam._kernels.pose import Pose
 from mapcli.algorithms.slam._kernels.surfel_map import SurfelTable, nearest_surfel
 
 ROUNDS = 2

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.compiling import kernel
 from mapcli.algorithms.slam._kernels.likelihood_field import MAX_LIKELIHOOD
+from mapcli.algorithms.slam._kernels.pose import Pose
 
 SEEN = 1 << 14
 """Added to the log-odds of a cell that the current scan has already touched."""
@@ -30,14 +31,6 @@ class GridFrame(NamedTuple):
     x: float
     y: float
     cell: float
-
-
-class RobotPose(NamedTuple):
-    """The pose of the robot in the map: metres and radians."""
-
-    x: float
-    y: float
-    theta: float
 
 
 class CellBox(NamedTuple):
@@ -122,7 +115,7 @@ class ListLengths(NamedTuple):
 @kernel
 def place_beams(
     beams: NDArray[np.float64],
-    pose: RobotPose,
+    pose: Pose,
     frame: GridFrame,
     world: NDArray[np.float64],
     cells: NDArray[np.float64],

@@ -14,6 +14,7 @@ from support.surfels import Floats, full_of, moved, pose_of, scattered, table_of
 from mapcli.algorithms.slam._kernels import gauss_newton as gn
 from mapcli.algorithms.slam._kernels.gauss_newton import SQUARED_SCALE
 from mapcli.algorithms.slam._kernels.point_to_line_icp import associate
+from mapcli.algorithms.slam._kernels.pose import Pose
 
 SEEDS = st.integers(0, 2**32 - 1)
 FEW = settings(deadline=None, max_examples=30)
@@ -142,13 +143,13 @@ def test_a_step_as_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     factor = rng.normal(0, 30, (3, 5))
     matrix, right = factor @ factor.T, rng.normal(0, 100, 3)
-    found = gn.solve_step(gn.Pose(1.0, 2.0, 3.0), system_of(matrix, right))
+    found = gn.solve_step(Pose(1.0, 2.0, 3.0), system_of(matrix, right))
     assert matrix @ (np.array(found) - [1, 2, 3]) == pytest.approx(right, abs=1e-6)
 
 
 def test_a_step_without_any_information_stays_where_it_is() -> None:
     nothing = system_of(np.zeros((3, 3)), np.zeros(3))
-    assert gn.solve_step(gn.Pose(1.0, 2.0, 3.0), nothing) == (1.0, 2.0, 3.0)
+    assert gn.solve_step(Pose(1.0, 2.0, 3.0), nothing) == (1.0, 2.0, 3.0)
 
 
 def test_when_a_pose_is_still() -> None:
@@ -160,4 +161,4 @@ def test_when_a_pose_is_still() -> None:
         (0.0, 1.1 * still[1], 1.0, False),
         (-0.1 * still[0], -0.1 * still[1], 0.2, True),
     ):
-        assert gn.is_still(gn.Pose(0.0, 0.0, 1.0), gn.Pose(x, 0.0, 1 + turn), share) is expected
+        assert gn.is_still(Pose(0.0, 0.0, 1.0), Pose(x, 0.0, 1 + turn), share) is expected

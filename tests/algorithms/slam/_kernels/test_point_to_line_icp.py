@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from support.surfels import CELL, Floats, empty_table, full_of, moved, scattered, table_of
 
 from mapcli.algorithms.slam._kernels import point_to_line_icp as icp
-from mapcli.algorithms.slam._kernels.gauss_newton import NormalEquations, Pose
+from mapcli.algorithms.slam._kernels.gauss_newton import NormalEquations
+from mapcli.algorithms.slam._kernels.pose import Pose
 from mapcli.algorithms.slam._kernels.surfel_map import SurfelTable, nearest_surfel
 
 SEEDS = st.integers(0, 2**32 - 1)

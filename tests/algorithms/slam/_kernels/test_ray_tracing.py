@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mapcli.algorithms.slam._kernels.likelihood_field import MAX_LIKELIHOOD
+from mapcli.algorithms.slam._kernels.pose import Pose
 from mapcli.algorithms.slam._kernels.ray_tracing import (
     Beams,
     CellLists,
     GridFrame,
     LogOddsRules,
     MapLayers,
-    RobotPose,
     integrate_beams,
     place_beams,
 )
@@ -237,7 +237,7 @@ def test_place_beams_as_its_twin(seed: int, n: int) -> None:
     base, cell = rng.normal(0, 9, 2), 0.05
     world, cells = np.empty_like(beams), np.empty_like(beams)
     frame = GridFrame(*base.tolist(), cell)
-    extent = place_beams(beams, RobotPose(x, y, theta), frame, world, cells)
+    extent = place_beams(beams, Pose(x, y, theta), frame, world, cells)
     turn = np.array([[cos(theta), -sin(theta)], [sin(theta), cos(theta)]])
     assert world == pytest.approx(beams @ turn.T + (x, y))
     assert cells == pytest.approx((world - base) / cell)
@@ -251,7 +251,7 @@ def test_place_beams_by_hand() -> None:
     # The robot at (1, 2) looks up; the beam ends two metres ahead; the laser is half a metre ahead.
     beams, world, cells = np.array([[2.0, 0.0], [0.5, 0.0]]), np.empty((2, 2)), np.empty((2, 2))
     frame = GridFrame(0.75, 0.0, 0.5)
-    extent = place_beams(beams, RobotPose(1.0, 2.0, pi / 2), frame, world, cells)
+    extent = place_beams(beams, Pose(1.0, 2.0, pi / 2), frame, world, cells)
     assert world == pytest.approx(np.array([[1, 4], [1, 2.5]]))
     assert cells == pytest.approx(np.array([[0.5, 8], [0.5, 5]]))
     assert extent == ((0, 5, 0, 8), 4)
