@@ -20,7 +20,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 DEFAULTS = LogOptions()
 
 FARTHEST_LASER = 100.0
-"""Metres; a laser farther from its robot is a slip of the pen, such as millimetres."""
+"""Metres; a laser farther from its robot is a mistake, such as millimetres."""
 
 
 class LaserPoseType(click.ParamType[Any]):

@@ -133,7 +133,7 @@ def _odometry(check: LogCheck) -> dict[str, Any]:
 
 
 def _warnings(log: Log, check: LogCheck) -> Iterator[str]:
-    """What is odd about a log that can be read."""
+    """Warnings about a log that can be read."""
     for name, timing in (("scans", check.scans), ("odometry", check.odometry)):
         if timing.gaps:
             yield (

@@ -12,9 +12,7 @@ from mapcli.formats.documents.json_document import document
 from mapcli.formats.input import DigestingReader
 from mapcli.formats.maps.dialects import Dialect
 from mapcli.formats.maps.load import LoadedMap, load_map
-
-OCCUPIED_THRESHOLD = 0.5
-"""Cells from this probability on count as occupied, as in `--low` of the other commands."""
+from mapcli.model.grid import OCCUPIED_THRESHOLD
 
 
 def map_report(file: str, dialect: Dialect, at: Points = ()) -> tuple[str, dict[str, Any]]:

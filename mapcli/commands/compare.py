@@ -20,6 +20,7 @@ from mapcli.commands._options import (
 from mapcli.commands._output import check_outputs
 from mapcli.formats.output import write_bytes
 from mapcli.model.comparison import LIMIT_FIELDS, STATES, Comparison
+from mapcli.model.grid import OCCUPIED_THRESHOLD
 from mapcli.model.summary import Limit
 
 
@@ -28,7 +29,7 @@ from mapcli.model.summary import Limit
 @click.argument("b", metavar="B", type=FILE)
 @click.option("--align", is_flag=True, help="Find where B lies in A first, whatever their origins.")
 @click.option(
-    "--low", type=Number(0, 1), default=0.5, show_default=True, metavar="P",
+    "--low", type=Number(0, 1), default=OCCUPIED_THRESHOLD, show_default=True, metavar="P",
     help="Known cells are free below this probability, and occupied from it on.",
 )  # fmt: skip
 @click.option("--png", metavar="F", type=FILE, help="A picture of what differs.")

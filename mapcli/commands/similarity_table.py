@@ -19,7 +19,6 @@ from mapcli.algorithms.similarity.comparisons import (
     score_comparison,
 )
 from mapcli.algorithms.similarity.measures import SIMILARITIES
-from mapcli.algorithms.similarity.ternary_map import FREE_THRESHOLD
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import (
     FILE,
@@ -37,6 +36,7 @@ from mapcli.commands._similarity_report import notes, report_lines
 from mapcli.errors import DataError
 from mapcli.formats.maps.save import SUFFIXES
 from mapcli.formats.output import write_bytes
+from mapcli.model.grid import OCCUPIED_THRESHOLD
 
 FORMATS = ("table", "json", "csv", "markdown")
 
@@ -50,8 +50,8 @@ USUAL_WINDOW = CandidateWindow(0.0, 15.0)
 @click.option("--similarity", type=click.Choice(SIMILARITIES), help="How to compare; of l1 and l2 "
               "lower is better.  [default: product; l1 for landmarks and with "
               "--database]")  # fmt: skip
-@click.option("--low", type=Number(0, 1, min_open=True), default=FREE_THRESHOLD, show_default=True,
-              help="A known cell below this counts as empty.")  # fmt: skip
+@click.option("--low", type=Number(0, 1, min_open=True), default=OCCUPIED_THRESHOLD,
+              show_default=True, help="A known cell below this counts as empty.")  # fmt: skip
 @click.option("--bearing-weight", type=NOT_NEGATIVE, default=BEARING_WEIGHT, show_default=True,
               help="What a radian of bearing counts against a unit of distance.")  # fmt: skip
 @click.option("--database", metavar="F", type=FILE, help="Score against these perceptions, as "

@@ -10,6 +10,7 @@ from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, POSITIVE, Number, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs
 from mapcli.formats.output import write_bytes
+from mapcli.model.grid import OCCUPIED_THRESHOLD
 
 
 @click.command(short_help="Turn the obstacles of a grid map into polygons (Sect. 9.1).")
@@ -23,7 +24,7 @@ from mapcli.formats.output import write_bytes
 @click.option(
     "--threshold",
     type=Number(0, 1, min_open=True),
-    default=0.5,
+    default=OCCUPIED_THRESHOLD,
     show_default=True,
     metavar="P",
     help="Cells from this probability on are obstacles.",

@@ -31,6 +31,9 @@ UNKNOWN = np.float32(np.nan)
 FAR = 2.0**40
 """Cells; no map reaches as far."""
 
+OCCUPIED_THRESHOLD = 0.5
+"""Known cells are occupied from this probability on, and free below it (Sect. 9.2)."""
+
 UNKNOWN_PERCENT = 255
 """The same in a map that is kept as percents."""
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mapcli.model.counting import counted
-from mapcli.model.grid import GridMap
+from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap
 from mapcli.model.world import World
 
 PAIR_BYTES = 8
@@ -28,7 +28,7 @@ class Memory:
     vertices: int
 
     @classmethod
-    def of(cls, world: World, grid: GridMap, threshold: float = 0.5) -> Memory:
+    def of(cls, world: World, grid: GridMap, threshold: float = OCCUPIED_THRESHOLD) -> Memory:
         """Of a continuous map and a grid map of the same objects.
 
         Args:

@@ -24,7 +24,7 @@ class ReplaySummary:
         duration_s: of the log, from the first to the last used scan.
         loops: loops closed.
         mean_score: of the matched scans; None when none was.
-        odometry_jumps: steps in which the odometry leapt and was not believed; odometry_faults:
+        odometry_jumps: steps in which the odometry jumped and was not used; odometry_faults:
             scans at which the wheels were taken to count backwards, or to have stopped counting.
         damage: what was wrong with the log -> how often.
         interrupted: the replay was stopped early; the result is of the part before.

@@ -1,4 +1,4 @@
-"""Where a simulated robot is told to go."""
+"""A waypoint of a simulated robot."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from mapcli.model.grid import GridMap
+from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap
 from mapcli.pictures.drawing import (
     BLUE,
     FAINT_INK,
@@ -58,7 +58,7 @@ def book_image(
     frontier: NDArray[np.bool_] | None = None,
     robots: Sequence[tuple[int, int]] = (),
     path: Sequence[tuple[float, float]] = (),
-    low: float = 0.5,
+    low: float = OCCUPIED_THRESHOLD,
     scale: int | None = None,
 ) -> Image.Image:
     """Draw a map as in the book.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from mapcli.errors import DataError
+from mapcli.model.grid import OCCUPIED_THRESHOLD
 
 Strategy = Literal["nearest", "priority", "gain"]
 STRATEGIES: tuple[Strategy, ...] = get_args(Strategy)
@@ -32,7 +33,7 @@ class ExplorationParameters:
     """
 
     strategy: Strategy = "nearest"
-    low: float = 0.5
+    low: float = OCCUPIED_THRESHOLD
     sensor_range: int = 1
     connectivity: Literal[4, 8] = 4
     robot_radius: float = 0.0

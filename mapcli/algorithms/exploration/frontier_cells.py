@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.model.grid import GridMap
+from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap
 
 
-def frontier_cells(grid: GridMap, low: float = 0.5) -> NDArray[np.bool_]:
+def frontier_cells(grid: GridMap, low: float = OCCUPIED_THRESHOLD) -> NDArray[np.bool_]:
     """Where the frontier is, shape (rows, columns).
 
     A frontier cell is known, has a probability below `low`, and is left, right, above or below

@@ -8,9 +8,9 @@ from scipy.spatial import cKDTree
 
 from mapcli.algorithms.maps.registration import register
 from mapcli.algorithms.maps.transform import joint_frame, move, sampled
-from mapcli.algorithms.maps.wall_direction import OCCUPIED_THRESHOLD, occupied_points
+from mapcli.algorithms.maps.wall_direction import occupied_points
 from mapcli.model.comparison import FREE, OCCUPIED, UNKNOWN, Comparison
-from mapcli.model.grid import GridMap, histogram
+from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap, histogram
 
 
 def compare(

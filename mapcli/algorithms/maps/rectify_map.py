@@ -15,7 +15,7 @@ from mapcli.algorithms.maps.polygons import Area
 from mapcli.algorithms.maps.rasterize import covered_cells
 from mapcli.algorithms.maps.vectorize import area_of_cells
 from mapcli.errors import DataError
-from mapcli.model.grid import GridMap
+from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -50,7 +50,7 @@ class RectifiedMap:
 
 
 def rectify_map(
-    grid: GridMap, tolerance: float | None = None, threshold: float = 0.5
+    grid: GridMap, tolerance: float | None = None, threshold: float = OCCUPIED_THRESHOLD
 ) -> RectifiedMap:
     """Make the walls of a map straight and perpendicular.
 

@@ -20,9 +20,9 @@ from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
 from mapcli.algorithms.maps.transform import bake_yaw, merge, move, resample
-from mapcli.algorithms.maps.wall_direction import OCCUPIED_THRESHOLD, occupied_points
+from mapcli.algorithms.maps.wall_direction import occupied_points
 from mapcli.errors import DataError
-from mapcli.model.grid import GridMap, crop_to_known
+from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap, crop_to_known
 from mapcli.model.pose import Pose2D, wrap_angle
 
 _COARSE_SIDE = 96

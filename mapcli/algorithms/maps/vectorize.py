@@ -7,14 +7,16 @@ import shapely
 from numpy.typing import NDArray
 
 from mapcli.algorithms.maps.polygons import Area, world_of_area
-from mapcli.model.grid import GridMap
+from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap
 from mapcli.model.world import World
 
 TOLERANCE_CELLS = 0.5
 """Default tolerance, in cells: a lone cell and a wall one cell thick keep their shape."""
 
 
-def vectorize(grid: GridMap, tolerance: float | None = None, threshold: float = 0.5) -> World:
+def vectorize(
+    grid: GridMap, tolerance: float | None = None, threshold: float = OCCUPIED_THRESHOLD
+) -> World:
     """The obstacles of a map as polygons, simplified (Douglas and Peucker 1973).
 
     Args:

@@ -9,10 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.errors import DataError
-from mapcli.model.grid import GridMap
-
-OCCUPIED_THRESHOLD = 0.5
-"""Known cells are occupied from this probability on."""
+from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap
 
 _MOST_CELLS = 40_000
 """Occupied cells that are used; of more, some are left out at even intervals."""

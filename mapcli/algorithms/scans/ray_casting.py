@@ -13,15 +13,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.model.grid import GridMap
+from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap
 from mapcli.model.pose import Pose2D
 from mapcli.model.world import World
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
-
-OBSTACLE = 0.5
-"""A cell of a grid map with at least this probability is solid (Sect. 9.2)."""
 
 SLACK = 1e-6
 """Fraction of a beam's spacing by which edges are widened, so that no beam slips between two
@@ -40,7 +37,7 @@ def edges_of(world: World | GridMap) -> Floats:
 
 
 def _edges_of_cells(grid: GridMap) -> Floats:
-    solid = np.pad(grid.cells >= OBSTACLE, 1)  # NaN >= 0.5 is False: unknown is not solid
+    solid = np.pad(grid.cells >= OCCUPIED_THRESHOLD, 1)  # NaN >= 0.5 is False: unknown is not solid
     rows, left, right = _runs(solid)
     horizontal = np.stack([rows, left, rows, right], axis=1).reshape(-1, 2, 2)
     columns, top, bottom = _runs(solid.T)
@@ -64,7 +61,7 @@ def is_inside(world: World | GridMap, x: float, y: float) -> bool:
     """Whether a point lies in something solid."""
     if isinstance(world, GridMap):
         row, column = world.cells_of_world([[x, y]])[0]
-        return world.contains(row, column) and bool(world.cells[row, column] >= OBSTACLE)
+        return world.contains(row, column) and bool(world.cells[row, column] >= OCCUPIED_THRESHOLD)
     return any(_encloses(polygon, x, y) for polygon in world.polygons)
 
 

@@ -24,9 +24,8 @@ from mapcli.algorithms.similarity.map_update import update_map
 from mapcli.algorithms.similarity.measures import Similarity
 from mapcli.algorithms.similarity.perception_map import PerceptionMap
 from mapcli.algorithms.similarity.readings_table import database_table, landmark_table
-from mapcli.algorithms.similarity.ternary_map import FREE_THRESHOLD
 from mapcli.errors import DataError
-from mapcli.model.grid import GridMap
+from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap
 from mapcli.model.perception import (
     GridPerceptions,
     LandmarkPerception,
@@ -53,7 +52,7 @@ class Scoring:
     """
 
     similarity: Similarity
-    low: float = FREE_THRESHOLD
+    low: float = OCCUPIED_THRESHOLD
     bearing_weight: float = BEARING_WEIGHT
 
 
@@ -201,7 +200,7 @@ def score(
     similarity: Similarity | None = None,
     window: CandidateWindow | None = None,
     *,
-    low: float = FREE_THRESHOLD,
+    low: float = OCCUPIED_THRESHOLD,
     bearing_weight: float = BEARING_WEIGHT,
 ) -> SimilarityTable:
     """Score every candidate pose of a perception (Table 9.1); `best()` of the table is line 9 of

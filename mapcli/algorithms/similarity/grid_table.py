@@ -27,12 +27,11 @@ from mapcli.algorithms.similarity.perception_map import (
     scan_outline,
 )
 from mapcli.algorithms.similarity.ternary_map import (
-    FREE_THRESHOLD,
     TernaryMap,
     ternary_cells,
 )
 from mapcli.errors import DataError
-from mapcli.model.grid import GridMap
+from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap
 from mapcli.model.perception import GridPerceptions, ScanPerception
 from mapcli.model.pose import Pose2D
 from mapcli.model.similarity import SimilarityTable
@@ -105,7 +104,7 @@ def scan_table(
     scan: ScanPerception,
     candidates: Candidates,
     similarity: Similarity,
-    low: float = FREE_THRESHOLD,
+    low: float = OCCUPIED_THRESHOLD,
 ) -> SimilarityTable:
     """Score a scan at every candidate.
 
@@ -136,7 +135,10 @@ def scan_perception_map(
 
 
 def grid_table(
-    grid: GridMap, perception: GridPerceptions, similarity: Similarity, low: float = FREE_THRESHOLD
+    grid: GridMap,
+    perception: GridPerceptions,
+    similarity: Similarity,
+    low: float = OCCUPIED_THRESHOLD,
 ) -> SimilarityTable:
     """Score perception maps that are written out (Fig. 9.20).
 

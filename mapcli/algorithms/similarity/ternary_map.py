@@ -9,12 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.similarity.perception_map import PerceptionMap
-from mapcli.model.grid import GridMap
+from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap
 
 Ints = NDArray[np.int64]
-
-FREE_THRESHOLD = 0.5
-"""A known cell below this probability is empty (Sect. 9.2)."""
 
 LOOKUPS_AT_ONCE = 2_000_000
 """Look-ups of `TernaryMap.pair_counts` in one array, which bounds the memory."""
@@ -34,7 +31,7 @@ class Runs(NamedTuple):
     obstacle: NDArray[np.bool_]
 
 
-def ternary_cells(grid: GridMap, low: float = FREE_THRESHOLD) -> NDArray[np.int8]:
+def ternary_cells(grid: GridMap, low: float = OCCUPIED_THRESHOLD) -> NDArray[np.int8]:
     """The cells of a map, bottom-up: -1 empty (known and less than `low`), +1 obstacle, 0
     unknown."""
     cells = grid.bottom_up()

@@ -58,6 +58,7 @@ from mapcli.formats.documents.perception_fields import (
 from mapcli.formats.input import read_file
 from mapcli.formats.maps.text import CHARACTER_ROW
 from mapcli.formats.yaml_mapping import YamlMapping
+from mapcli.model.grid import OCCUPIED_THRESHOLD
 from mapcli.model.perception import (
     ExpectedReadings,
     GridCandidate,
@@ -74,7 +75,7 @@ KINDS = ("scan", "grids", "landmarks", "database")
 Floats = NDArray[np.float64]
 
 
-def load_perception(path: str | Path, low: float = 0.5) -> Perceived:
+def load_perception(path: str | Path, low: float = OCCUPIED_THRESHOLD) -> Perceived:
     """Load a perception from a file, or from standard input for `-`.
 
     Args:
@@ -86,7 +87,7 @@ def load_perception(path: str | Path, low: float = 0.5) -> Perceived:
     return read_perception(read_file(Path(path)), str(path), low)
 
 
-def read_perception(data: bytes, file: str, low: float = 0.5) -> Perceived:
+def read_perception(data: bytes, file: str, low: float = OCCUPIED_THRESHOLD) -> Perceived:
     """A perception from its bytes; see `load_perception`."""
     if not data.strip():
         raise FormatError("is empty", file=file, expected="a perception")

@@ -146,7 +146,7 @@ def read_trajectory(data: bytes, file: str) -> Trajectory:
 
 
 def rows_of_words(data: bytes) -> Iterator[Words]:
-    """The lines that say something, with what is between blanks or commas; `#` begins a remark."""
+    """The lines that are not empty, split at blanks or commas; `#` begins a comment."""
     for line, text in enumerate(data.decode("utf-8-sig", "replace").splitlines(), start=1):
         words = text.split("#")[0]
         if words.strip():

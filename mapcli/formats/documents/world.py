@@ -51,7 +51,7 @@ def load_world(path: str | Path, *, y_down: bool = False) -> LoadedWorld:
     """Load a continuous map or a grid map from a file, or from standard input for `-`.
 
     Args:
-        y_down: take y to grow downwards in a continuous map that does not say so itself.
+        y_down: take y to grow downwards in a continuous map without a key `y`.
 
     Raises:
         FormatError: the file holds neither, naming line and key.

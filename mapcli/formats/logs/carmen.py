@@ -1,13 +1,13 @@
 """CARMEN logs, plain or gzip (see `carmen_lines` for the grammar), as records.
 
-What the format leaves open is settled as follows:
+What the format leaves open is decided as follows:
 
 - FLASER tells no maximum range: readings of 80 m and more are no return (SICK's error codes in
   centimetres start at 8183). Where the first 500 scans hold none, their largest reading means no
   return if it occurs 20 times or more, and more often than all readings within 10 % below it.
   ROBOTLASER1 tells the maximum; readings that reach it are no return.
 - A scan's own odometry is yielded right before it with the same stamp, besides the ODOM lines.
-- The laser's pose on the robot is told by the two poses of each scan, if they differ by the same
+- The laser's pose on the robot follows from the two poses of each scan, if they differ by the same
   offset in the first 50 scans; logs whose first pose was corrected afterwards do not.
 """
 
@@ -243,12 +243,12 @@ class CarmenLog(Log):
         return limit or math.inf
 
 
-def _no_return(told: float, repeated: float) -> float:
+def _no_return(declared: float, repeated: float) -> float:
     """The reading from which a beam counts as no return, metres.
 
     Args:
-        told: the laser's maximum as the message has it; 0 where it does not.
+        declared: the laser's maximum as the message has it; 0 where it does not.
         repeated: the log's repeated maximum, infinite where there is none.
     """
-    sick = not told > 0 or SICK_NO_RETURN_M <= told < SICK_NO_RETURN_M + 2
-    return min(SICK_NO_RETURN_M if sick else told, repeated)
+    sick = not declared > 0 or SICK_NO_RETURN_M <= declared < SICK_NO_RETURN_M + 2
+    return min(SICK_NO_RETURN_M if sick else declared, repeated)

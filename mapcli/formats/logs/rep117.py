@@ -47,11 +47,11 @@ def rep117(
         beams.no_return += no_return
     nearest = np.minimum.reduce(result, initial=np.inf)  # NaN if there is any
     if not (nearest > 0 and nearest >= range_min):
-        _settle_near(result, np.float32(range_min), beams)
+        _classify_near(result, np.float32(range_min), beams)
     return result
 
 
-def _settle_near(result: NDArray[np.float32], range_min: np.float32, beams: BeamCounts) -> None:
+def _classify_near(result: NDArray[np.float32], range_min: np.float32, beams: BeamCounts) -> None:
     """Sort the readings below the limit into invalid and too close, in place."""
     invalid = ~(result > 0) & (result != -np.inf)  # NaN is not more than 0 either
     close = (result < range_min) & ~invalid

@@ -20,7 +20,7 @@ class ImageCells:
     Attributes:
         percents: shape (rows, columns), uint8, see `GridMap.stored`.
         warnings: where the cells are probably not what the author of the map meant.
-        remarks: what other programs may stumble over.
+        remarks: where other programs would read the map otherwise.
     """
 
     percents: NDArray[np.uint8]

@@ -38,7 +38,7 @@ class LoadedMap:
         files: what was read, the named file first.
         rule: what the image's grey means; None for maps without an image.
         warnings: sentences for the user, each without the file's name.
-        remarks: the same about what other programs may stumble over; for `mapcli info`.
+        remarks: the same about where other programs would read it otherwise; for `mapcli info`.
     """
 
     grid: GridMap

@@ -23,7 +23,7 @@ def range_scan(
     Args:
         note: called with a sentence about each field that was corrected.
     """
-    increment = settled_increment(message)
+    increment = angle_increment(message)
     if len(message.ranges) == 0 or not math.isfinite(message.angle_min) or increment is None:
         return None
     if increment != message.angle_increment:
@@ -35,7 +35,7 @@ def range_scan(
     return RangeScan(stamp_ns, message.angle_min, increment, ranges, low, high, mount)
 
 
-def settled_increment(message: LaserScan) -> float | None:
+def angle_increment(message: LaserScan) -> float | None:
     """The angle between beams, radians; None if the message has no sensible one.
 
     Drivers disagree whether angle_max is the last beam's or the one's after it; both leave
