@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
-
-import click
 
 from mapcli import evaluate, load_relations, load_trajectory
 from mapcli.algorithms.evaluation.evaluate import Reference
@@ -16,8 +13,10 @@ from mapcli.algorithms.evaluation.relations import odometry_of
 from mapcli.algorithms.evaluation.trajectory_error import EvaluateParameters
 from mapcli.commands._evaluate_report import described
 from mapcli.commands._log_options import LogInput, say_notes
+from mapcli.commands._say import warn
 from mapcli.errors import MapcliError
 from mapcli.formats.documents.relations import is_relations
+from mapcli.formats.input import sha256_of
 from mapcli.formats.logs.open_log import Log
 from mapcli.model.counting import counted
 from mapcli.model.evaluation import Evaluation, Kind
@@ -85,7 +84,7 @@ class EvaluateRun:
         name = str(self.files.reference)
         if self.files.kind == "relations":
             relations = load_relations(name)
-            self.digests[Path(name).name] = hashlib.sha256(Path(name).read_bytes()).hexdigest()
+            self.digests[Path(name).name] = sha256_of(Path(name).read_bytes())
             self.against = f"{name}: {counted(len(relations), 'relations')}"
             return relations
         truth = self._load(name, self.topic)
@@ -113,8 +112,7 @@ class EvaluateRun:
     def _load(self, name: str, topic: str | None) -> Trajectory:
         loaded = load_trajectory(name, topic)
         self.digests[Path(name).name] = loaded.sha256
-        for warning in () if self.quiet else loaded.warnings:
-            click.echo(f"Warning: {name}: {warning}", err=True)
+        warn(name, loaded.warnings, quiet=self.quiet)
         return loaded.trajectory
 
     def effective_parameters(self) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,8 +10,9 @@ import click
 
 from mapcli import load_map
 from mapcli.algorithms.exploration.explore import contradictions
+from mapcli.commands._say import warn
 from mapcli.errors import DataError
-from mapcli.formats.input import read_file
+from mapcli.formats.input import read_file, sha256_of
 from mapcli.formats.maps.dialects import Dialect
 from mapcli.model.counting import counted
 from mapcli.model.exploration import Cell
@@ -84,14 +84,13 @@ def cell_at(grid: GridMap, point: tuple[float, float], file: str) -> Cell:
 def _load(file: str, dialect: Dialect, digests: dict[str, str], *, quiet: bool) -> GridMap:
     def reading(path: Path) -> bytes:
         data = read_file(path)
-        digest = hashlib.sha256(data).hexdigest()
+        digest = sha256_of(data)
         is_other = digests.get(path.name, digest) != digest
         digests[f"{path.parent.name}/{path.name}" if is_other else path.name] = digest
         return data
 
     loaded = load_map(file, dialect=dialect, read=reading)
-    for warning in () if quiet else loaded.warnings:
-        click.echo(f"Warning: {file}: {warning}", err=True)
+    warn(file, loaded.warnings, quiet=quiet)
     return loaded.grid
 
 

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import click
 
 from mapcli.commands._options import NOT_NEGATIVE, POSE
+from mapcli.commands._say import warn
 from mapcli.formats.logs.open_log import Log, open_log
 from mapcli.model.log import LogOptions, select
 from mapcli.model.pose import Pose2D
@@ -142,5 +143,4 @@ def say_notes(log: Log, *, verbose: bool = False) -> None:
         click.echo(f"Scans from {log.scan_topic}, odometry from {log.odom_topic}.", err=True)
     for text in log.notes:
         click.echo(f"Note: {text}", err=True)
-    for text in log.damage.lines():
-        click.echo(f"Warning: {log.name}: {text}", err=True)
+    warn(log.name, log.damage.lines())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +12,7 @@ import click
 
 from mapcli import load_map
 from mapcli.commands._options import NumberList, PoseType
-from mapcli.formats.input import read_file
+from mapcli.formats.input import read_file, sha256_of
 from mapcli.formats.maps.dialects import Dialect
 from mapcli.formats.maps.load import LoadedMap
 from mapcli.model.grid import GridMap, crop_to_known
@@ -227,7 +226,7 @@ def hashing(digests: dict[str, str]) -> Callable[[Path], bytes]:
         name = (
             path.name if path.name not in digests else f"{path.absolute().parent.name}/{path.name}"
         )
-        digests[name] = hashlib.sha256(data).hexdigest()
+        digests[name] = sha256_of(data)
         return data
 
     return read

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ from mapcli.algorithms.simulation.sensors import WheelModel
 from mapcli.commands._options import FILE, POSITIVE, Command
 from mapcli.commands._output import check_outputs, progress
 from mapcli.errors import DataError
+from mapcli.formats.input import sha256_of
 from mapcli.formats.output import write_bytes
 from mapcli.model.world import World
 
@@ -68,7 +68,7 @@ def mow_lawn(
     except DataError as error:
         error.file = error.file or world
         raise
-    digest = hashlib.sha256(loaded.data).hexdigest()
+    digest = sha256_of(loaded.data)
     _write(plan, mowings, out, wheels, given, {Path(world).name: digest})
     if not quiet:
         for line in report_lines(plan, mowings):

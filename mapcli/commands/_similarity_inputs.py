@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from mapcli import load_map
 from mapcli.algorithms.similarity.comparisons import Comparison, comparison_of
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.documents.perception_reader import read_perception
-from mapcli.formats.input import read_file
+from mapcli.formats.input import DigestingReader
 from mapcli.formats.maps.load import sniff
 from mapcli.formats.maps.save import SUFFIXES
 from mapcli.model.grid import GridMap
@@ -51,13 +50,7 @@ def load_comparison(
         raise click.UsageError(f"Expected {expected}; got {len(files)} of them.")
     if [*files, database].count("-") > 1:
         raise click.UsageError("Only one of the files can be standard input.")
-    digests: dict[str, str] = {}
-
-    def read(path: Path) -> bytes:
-        data = read_file(path)
-        digests[path.name] = hashlib.sha256(data).hexdigest()
-        return data
-
+    read = DigestingReader()
     name = files[-1]
     perception = read_perception(read(Path(name)), name, low)
     if isinstance(perception, PerceptionDatabase):
@@ -67,13 +60,13 @@ def load_comparison(
         found = read_perception(read(Path(database)), database)
         if not isinstance(found, PerceptionDatabase):
             raise FormatError("is one perception", file=database, expected="kind: database")
-        return Loaded(_compare(found, perception, name), name, digests)
+        return Loaded(_compare(found, perception, name), name, read.digests)
     if isinstance(perception, LandmarkPerception):
         world = _points(read(Path(files[0])), files[0])
-        return Loaded(_compare(world, perception, name), name, digests)
+        return Loaded(_compare(world, perception, name), name, read.digests)
     loaded = load_map(files[0], dialect=dialect, read=read)
     warnings = tuple(f"{files[0]}: {warning}" for warning in loaded.warnings)
-    return Loaded(_compare(loaded.grid, perception, name), name, digests, warnings)
+    return Loaded(_compare(loaded.grid, perception, name), name, read.digests, warnings)
 
 
 def _compare(

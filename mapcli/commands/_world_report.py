@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import re
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from typing import Any
 
 from mapcli.formats.documents.json_document import document
 from mapcli.formats.documents.world import load_world
+from mapcli.formats.input import sha256_of
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
 from mapcli.model.world import World
@@ -44,7 +44,7 @@ def world_report(file: str, at: Points) -> tuple[str, dict[str, Any]]:
         "list_bytes": 8 * (vertices + len(world.points)),
         "at": [_objects_at(world, point, loaded.y_down, file) for point in at],
     }
-    digest = {Path(file).name: hashlib.sha256(loaded.data).hexdigest()}
+    digest = {Path(file).name: sha256_of(loaded.data)}
     return "\n".join(_lines(file, content)), document("mapcli.map-info", digest, {}, content)
 
 

@@ -18,6 +18,7 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import check_outputs
+from mapcli.commands._say import warn
 from mapcli.formats.output import write_bytes
 from mapcli.model.comparison import LIMIT_FIELDS, STATES, Comparison
 from mapcli.model.grid import OCCUPIED_THRESHOLD
@@ -85,8 +86,7 @@ def command(
         write_bytes(json_file, content, no_clobber=no_clobber)
     if not quiet:
         for file, loaded in zip((a, b), maps, strict=True):
-            for warning in loaded.warnings:
-                click.echo(f"Warning: {file}: {warning}", err=True)
+            warn(file, loaded.warnings)
         for name, text in _lines(comparison):
             click.echo(f"{name:>13}  {text}", err="-" in outputs)
     for limit in limits:

@@ -8,6 +8,7 @@ import click
 
 from mapcli.commands._map_output import DEFAULTS, loss_notes, save_options, write_map
 from mapcli.commands._options import FILE, POSE, Number, common_options, no_clobber_option
+from mapcli.commands._say import warn
 from mapcli.formats.maps.dialects import DIALECTS
 from mapcli.formats.maps.map_image import MODES
 from mapcli.formats.maps.save import FORMATS, TRINARY_THRESHOLDS, WHOLE_SCALE
@@ -103,8 +104,7 @@ def command(
     grid = loaded.grid if threshold is None else binary_map(loaded.grid, threshold)
     names = write_map(grid, target, options, loaded.files, no_clobber=no_clobber)
     if not quiet:
-        for warning in loaded.warnings:
-            click.echo(f"Warning: {source}: {warning}", err=True)
+        warn(source, loaded.warnings)
         for note in loss_notes(grid, target, options):
             click.echo(f"Note: {target}: {note}", err=True)
     if verbose:

@@ -23,6 +23,7 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import check_outputs
+from mapcli.commands._say import warn
 from mapcli.errors import DataError
 from mapcli.formats.documents.perception_writer import SUFFIXES, Writable, dump_perception
 from mapcli.formats.output import write_bytes
@@ -147,8 +148,7 @@ def _world(source: str, dialect: Any, *, quiet: bool) -> World | GridMap:
     else:
         again = load_map(source, dialect=dialect)
         world, warnings = again.grid, again.warnings
-    for warning in () if quiet else warnings:
-        click.echo(f"Warning: {source}: {warning}", err=True)
+    warn(source, warnings, quiet=quiet)
     return world
 
 

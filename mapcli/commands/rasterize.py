@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +17,7 @@ from mapcli.commands._options import (
 )
 from mapcli.commands._output import check_outputs
 from mapcli.errors import DataError
+from mapcli.formats.input import sha256_of
 from mapcli.formats.maps.save import SUFFIXES, SaveOptions, dump_map
 from mapcli.formats.output import write_beside, write_bytes
 from mapcli.model.grid import GridMap
@@ -105,7 +105,7 @@ def _json(
 ) -> bytes:
     from mapcli.formats.documents.json_document import document, json_bytes
 
-    digest = {Path(source).name: hashlib.sha256(data).hexdigest()}
+    digest = {Path(source).name: sha256_of(data)}
     listed = [{"x": x, "y": y} for x, y in cells]
     content = {"memory": memory.document(), "cells": listed}
     return json_bytes(document("mapcli.rasterize", digest, parameters, content))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,9 @@ import click
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, POSITIVE, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs
+from mapcli.commands._say import warn
 from mapcli.errors import DataError
+from mapcli.formats.input import sha256_of
 from mapcli.formats.maps.save import SUFFIXES, SaveOptions, dump_map
 from mapcli.formats.output import write_beside, write_bytes
 from mapcli.model.counting import counted
@@ -137,7 +138,7 @@ def _dump_trace(
         return dump_trajectory(trace, target)
     inputs = {}
     if source != "-":
-        inputs = {Path(source).name: hashlib.sha256(Path(source).read_bytes()).hexdigest()}
+        inputs = {Path(source).name: sha256_of(Path(source).read_bytes())}
     return json_bytes(trace_document(trace, inputs, parameters, result.document()))
 
 
@@ -166,8 +167,7 @@ def _map(
     from mapcli import load_map, rectify_map
 
     loaded = load_map(source, dialect=dialect)
-    for warning in () if quiet else loaded.warnings:
-        click.echo(f"Warning: {source}: {warning}", err=True)
+    warn(source, loaded.warnings, quiet=quiet)
     grid = loaded.grid
     result = rectify_map(grid, tolerance)
     files = dump_map(result.grid, target, SaveOptions(format="txt" if target == "-" else None))

@@ -8,6 +8,7 @@ import click
 
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import CELL, FILE, common_options, no_clobber_option
+from mapcli.commands._say import warn
 from mapcli.errors import DataError
 from mapcli.formats.output import write_bytes
 
@@ -55,8 +56,7 @@ def command(
     if source == trace == "-":
         raise click.UsageError("MAP and --trace cannot both be standard input.")
     loaded = load_map(source, dialect=dialect)
-    for warning in () if quiet else loaded.warnings:
-        click.echo(f"Warning: {source}: {warning}", err=True)
+    warn(source, loaded.warnings, quiet=quiet)
     trajectory = load_trace_poses(trace) if trace else None
     cells = _frontier(loaded.grid) if frontier else None
     try:

@@ -24,6 +24,7 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import progress
+from mapcli.commands._say import warn
 from mapcli.errors import DataError
 from mapcli.model.scan import Mount
 
@@ -134,8 +135,7 @@ def command(
     assert path is not None
     assert out is not None
     loaded = load_world(world)
-    for warning in () if quiet else loaded.warnings:
-        click.echo(f"Warning: {world}: {warning}", err=True)
+    warn(world, loaded.warnings, quiet=quiet)
     with _names(path):
         simulation = simulate(
             loaded.world, load_waypoints(path), limits=limits, wheels=wheels, laser=laser,

@@ -9,6 +9,7 @@ import click
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, POSITIVE, Number, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs
+from mapcli.commands._say import warn
 from mapcli.formats.output import write_bytes
 from mapcli.model.grid import OCCUPIED_THRESHOLD
 
@@ -62,8 +63,7 @@ def command(
     write_bytes(target, write_world(world, y_down=y_down), no_clobber=no_clobber)
     if quiet:
         return
-    for warning in loaded.warnings:
-        click.echo(f"Warning: {source}: {warning}", err=True)
+    warn(source, loaded.warnings)
     memory = Memory.of(world, grid, threshold)
     if not memory.occupied:
         click.echo(f"Warning: {source}: no cell is an obstacle from {threshold:g} on", err=True)

@@ -38,6 +38,11 @@ def read_file(path: Path, expected: str = "a map file") -> bytes:
         raise FormatError(f"cannot be read: {reason.lower()}", file=path) from error
 
 
+def sha256_of(data: bytes) -> str:
+    """The digest by which a document names what it was made from, hexadecimal."""
+    return hashlib.sha256(data).hexdigest()
+
+
 class DigestingReader:
     """Reads files as `read_file` does, and keeps their digests (stateful).
 
@@ -51,7 +56,7 @@ class DigestingReader:
 
     def __call__(self, path: Path) -> bytes:
         data = read_file(path)
-        self.digests[path.name] = hashlib.sha256(data).hexdigest()
+        self.digests[path.name] = sha256_of(data)
         return data
 
 

@@ -6,7 +6,6 @@ poses such as those that `mapcli simulate` writes. Plain or gzip.
 
 from __future__ import annotations
 
-import hashlib
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 from mapcli.errors import FormatError
 from mapcli.formats.documents.pose_trace import read_trace_poses
 from mapcli.formats.documents.trajectory_text import EXPECTED, read_trajectory
-from mapcli.formats.input import MCAP_MAGIC, read_file, unpacked
+from mapcli.formats.input import MCAP_MAGIC, read_file, sha256_of, unpacked
 from mapcli.model.trajectory import Trajectory
 
 
@@ -41,7 +40,7 @@ def load_trajectory(path: str, topic: str | None = None) -> LoadedTrajectory:
         DataError: no topic with poses, or no obvious one.
     """
     packed = read_file(Path(path), EXPECTED)
-    data, digest = unpacked(packed, path), hashlib.sha256(packed).hexdigest()
+    data, digest = unpacked(packed, path), sha256_of(packed)
     if data.startswith(MCAP_MAGIC):
         trajectory, warnings = _from_mcap(data, path, topic)
         return LoadedTrajectory(trajectory, digest, warnings)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 
 from mapcli.errors import FormatError
 from mapcli.formats.documents.json_document import document, json_bytes, read_document
-from mapcli.formats.input import read_file
+from mapcli.formats.input import read_file, sha256_of
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import Pose2D
 from mapcli.model.trace import PoseTrace, TracedPose
@@ -72,7 +71,7 @@ def move_trace(path: str | Path, motion: Isometry) -> bytes:
     if motion.mirrored:
         loops = [loop | {"dy": -loop["dy"], "dtheta": -loop["dtheta"]} for loop in loops]
     moved_by = {**_pose(motion.pose), "mirrored": motion.mirrored}
-    head = document(POSE_TRACE, {Path(path).name: hashlib.sha256(data).hexdigest()}, {}, {})
+    head = document(POSE_TRACE, {Path(path).name: sha256_of(data)}, {}, {})
     head["parameters"] = {**content.get("parameters", {}), "moved_by": moved_by}
     rest = {key: value for key, value in content.items() if key not in head}
     return json_bytes({**head, **rest, "loops": loops, "poses": poses})
