@@ -14,6 +14,10 @@ NANOSECONDS = 1_000_000_000
 """In a second."""
 
 
+LATEST_STAMP_S = 2**31
+"""Stamps are below this, seconds: ROS 2 keeps them in an int32, until 2038."""
+
+
 @dataclass(frozen=True, slots=True)
 class Mount:
     """Where the laser sits on the robot.

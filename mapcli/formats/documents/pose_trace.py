@@ -14,12 +14,9 @@ from mapcli.formats.input import read_file, sha256_of
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import Pose2D
 from mapcli.model.trace import PoseTrace, TracedPose
-from mapcli.model.trajectory import Trajectory
+from mapcli.model.trajectory import FARTHEST_M, Trajectory
 
 POSE_TRACE = "mapcli.pose-trace"
-
-FARTHEST_M = 1e9
-"""Coordinates beyond are taken for damage; nothing could be drawn with them."""
 
 
 def load_trace_poses(path: str | Path) -> Trajectory:

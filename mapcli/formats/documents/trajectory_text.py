@@ -26,7 +26,7 @@ from mapcli.errors import DataError, FormatError
 from mapcli.model.pose import Pose2D, planar_pose
 from mapcli.model.se2_uncertainty import InformationTriangle
 from mapcli.model.trace import PoseTrace
-from mapcli.model.trajectory import Trajectory
+from mapcli.model.trajectory import FARTHEST_M, Trajectory
 
 CSV_HEAD = "stamp_ns,x,y,theta,odom_x,odom_y,odom_theta,score,status"
 STEP_INFORMATION: InformationTriangle = (10_000, 0, 0, 10_000, 0, 40_000)
@@ -102,9 +102,6 @@ def _ratio(value: float) -> str:
 WRITERS = {".tum": _tum, ".kitti": _kitti, ".g2o": _g2o, ".csv": _csv}
 """Suffix -> the lines of a file."""
 
-
-FARTHEST_M = 1e9
-"""Coordinates beyond are taken for damage."""
 
 LATEST_S = 2**63 // 10**9
 """Seconds that nanoseconds in an int64 can hold."""

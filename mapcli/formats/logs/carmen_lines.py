@@ -23,10 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.model.pose import Pose2D, rounded_angle
-from mapcli.model.scan import NANOSECONDS, Odometry
-
-LATEST_STAMP_S = 2**31
-"""Beyond it a stamp is no time of a robot, nor fits into a ROS 2 message."""
+from mapcli.model.scan import LATEST_STAMP_S, NANOSECONDS, Odometry
 
 _KNOWN = re.compile(
     rb"^(ODOM|[FR]LASER|OLDLASER|(ROBOT|RAW)LASER\d|TRUEPOS|PARAM|SYNC|SONAR|NMEA\w+) ",

@@ -1,12 +1,26 @@
-"""Choosing the topics of a log: the one named, or the only candidate."""
+"""The topics of a log: names of those that mapcli writes, and the choice of those that it reads."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from mapcli.errors import DataError
 from mapcli.model.counting import counted
 from mapcli.model.log import Role, Topic
+
+
+class LogNames(NamedTuple):
+    """Topics that records go to, and names of frames. A second mount in the same log gets
+    `<laser_frame>_2`, and so on."""
+
+    scan_topic: str = "/scan"
+    odom_topic: str = "/odom"
+    truth_topic: str = "/ground_truth"
+    map_frame: str = "map"
+    odom_frame: str = "odom"
+    base_frame: str = "base_link"
+    laser_frame: str = "laser"
 
 
 def choose_scan_topic(

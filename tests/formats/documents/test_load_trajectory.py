@@ -17,7 +17,8 @@ from mapcli.formats.documents.load_trajectory import load_trajectory
 from mapcli.formats.documents.pose_trace import trace_document
 from mapcli.formats.documents.relations import is_relations, load_relations
 from mapcli.formats.documents.trajectory_text import WRITERS, dump_trajectory, read_trajectory
-from mapcli.formats.logs.mcap.writer import LogNames, McapLogWriter
+from mapcli.formats.logs.mcap.writer import McapLogWriter
+from mapcli.formats.logs.topics import LogNames
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Odometry, TruePose
 from mapcli.model.trace import Loop, PoseTrace, TracedPose

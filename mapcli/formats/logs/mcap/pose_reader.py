@@ -13,16 +13,18 @@ from mapcli.formats.logs.mcap.container import McapFile
 from mapcli.formats.logs.mcap.reader import topics_of
 from mapcli.formats.logs.ros import decode as decode
 from mapcli.formats.logs.ros.decode import OdometryMessage, PoseMessage
+from mapcli.formats.logs.ros.messages import ODOMETRY, POSE_STAMPED
+from mapcli.formats.logs.topics import LogNames
 from mapcli.model.log import Damage, Topic
 from mapcli.model.trajectory import Trajectory
 
 DECODERS: dict[str, Callable[[Any], PoseMessage | OdometryMessage]] = {
-    "geometry_msgs/msg/PoseStamped": decode.pose_from_cdr,
-    "nav_msgs/msg/Odometry": decode.odometry_from_cdr,
+    POSE_STAMPED: decode.pose_from_cdr,
+    ODOMETRY: decode.odometry_from_cdr,
 }
 """Message type -> decoder. Odometry is used only when its topic is named."""
 
-TRUTH = "/ground_truth"
+TRUTH_TOPIC = LogNames().truth_topic
 """Where `mapcli simulate` writes the true poses; preferred to other topics."""
 
 
@@ -59,17 +61,17 @@ def read_mcap_poses(source: Source, topic: str | None, damage: Damage) -> Trajec
 
 
 def choose_pose_topic(topics: Sequence[Topic], wanted: str | None, file: str) -> Topic:
-    """The topic named, or `TRUTH`, or the only one of stamped poses.
+    """The topic named, or `TRUTH_TOPIC`, or the only one of stamped poses.
 
     Raises:
         DataError: as of `read_mcap_poses`.
     """
     readable = [t for t in topics if t.type in DECODERS and t.encoding == "cdr" and t.count]
-    poses = [t for t in readable if t.type.endswith("PoseStamped")]
+    poses = [t for t in readable if t.type == POSE_STAMPED]
     if wanted is not None:
         poses = [topic for topic in readable if topic.name == wanted]
     elif len(poses) > 1:
-        poses = [topic for topic in poses if topic.name == TRUTH] or poses
+        poses = [topic for topic in poses if topic.name == TRUTH_TOPIC] or poses
     if len(poses) == 1:
         return poses[0]
     listed = ", ".join(f"{t.name} ({t.type})" for t in (poses or readable or topics)) or "nothing"

@@ -18,7 +18,7 @@ from mapcli.formats.logs.ros.decode import LaserScan, Transform
 from mapcli.formats.logs.ros.laser_scan import range_scan
 from mapcli.formats.logs.ros.robot import Robot, TfOdometry, find_robot
 from mapcli.model.log import Damage, Delay, LogOptions, Loss, Role, Topic
-from mapcli.model.scan import NANOSECONDS, Mount, Odometry, RangeScan, Record
+from mapcli.model.scan import LATEST_STAMP_S, NANOSECONDS, Mount, Odometry, RangeScan, Record
 
 ROLES: dict[str, Role] = {
     "LaserScan": "scan",
@@ -41,9 +41,6 @@ DECODERS: dict[tuple[Role, str], Callable[[Any], Any]] = {
     ("tf", "json"): decode.transforms_from_json,
     ("tf_static", "json"): decode.transforms_from_json,
 }
-
-LATEST_STAMP_NS = 2**31 * NANOSECONDS
-"""ROS 2 stamps hold seconds in an int32."""
 
 Decoded = tuple[int, Topic, Any]
 """Log time, topic, message."""
@@ -163,7 +160,7 @@ class McapLog(Log):
             stamp_ns = log_time_ns
             if log_time_ns:
                 self.note(f"{topic.name}: stamps of 0, the time of recording is used")
-        if 0 <= stamp_ns < LATEST_STAMP_NS:
+        if 0 <= stamp_ns < LATEST_STAMP_S * NANOSECONDS:
             self.delays[topic.name].add(log_time_ns - stamp_ns)
             return stamp_ns
         what = f"messages on {topic.name} with an impossible stamp, dropped"

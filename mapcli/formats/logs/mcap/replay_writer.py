@@ -14,12 +14,13 @@ import numpy as np
 
 from mapcli.formats.logs.mcap.writer import McapLogWriter
 from mapcli.formats.logs.ros import messages as ros
+from mapcli.formats.logs.topics import LogNames
 from mapcli.model.grid import GridMap
 from mapcli.model.trace import PoseTrace, TracedPose
 
 OCCUPANCY_GRID = "nav_msgs/msg/OccupancyGrid"
 PATH = "nav_msgs/msg/Path"
-MAP_FRAME, ROBOT_FRAME = "map", "base_link"
+MAP_FRAME, ROBOT_FRAME = LogNames().map_frame, LogNames().base_frame
 
 
 def write_result(stream: BinaryIO, grid: GridMap, trace: PoseTrace) -> None:

@@ -15,15 +15,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from mapcli.errors import DataError
 from mapcli.formats.logs.ros import messages as ros
+from mapcli.formats.logs.topics import LogNames
 from mapcli.formats.output import output_file
-from mapcli.model.scan import NANOSECONDS, Mount, Odometry, RangeScan, Record, TruePose
+from mapcli.model.scan import (
+    LATEST_STAMP_S,
+    NANOSECONDS,
+    Mount,
+    Odometry,
+    RangeScan,
+    Record,
+    TruePose,
+)
 from mapcli.version import __version__
 
 LATCHED = """\
@@ -38,9 +47,6 @@ LATCHED = """\
   avoid_ros_namespace_conventions: false
 """
 """Quality of service that makes `ros2 bag play` repeat /tf_static to late listeners."""
-
-MAX_SECONDS = 2**31
-"""ROS 2 stamps hold seconds in an int32."""
 
 
 class _Counted:
@@ -60,19 +66,6 @@ class _Counted:
 
     def flush(self) -> None:
         self._stream.flush()
-
-
-class LogNames(NamedTuple):
-    """Topics that records go to, and names of frames. A second mount in the same log gets
-    `<laser_frame>_2`, and so on."""
-
-    scan_topic: str = "/scan"
-    odom_topic: str = "/odom"
-    truth_topic: str = "/ground_truth"
-    map_frame: str = "map"
-    odom_frame: str = "odom"
-    base_frame: str = "base_link"
-    laser_frame: str = "laser"
 
 
 class McapLogWriter:
@@ -124,7 +117,7 @@ class McapLogWriter:
         Raises:
             DataError: the stamp does not fit into a ROS 2 time.
         """
-        if not 0 <= stamp_ns < MAX_SECONDS * NANOSECONDS:
+        if not 0 <= stamp_ns < LATEST_STAMP_S * NANOSECONDS:
             raise DataError(
                 f"a record is stamped {stamp_ns / NANOSECONDS:.3f} s",
                 expected="a ROS 2 time, between 1970 and 2038",

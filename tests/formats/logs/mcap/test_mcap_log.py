@@ -20,9 +20,10 @@ from support.mcap_making import S, Sent, mcap_bytes, mcap_file, odom, scan, tf_s
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.logs.log import Source
 from mapcli.formats.logs.mcap import container as mcap_file_module
-from mapcli.formats.logs.mcap.writer import LogNames, McapLogWriter
+from mapcli.formats.logs.mcap.writer import McapLogWriter
 from mapcli.formats.logs.open_log import Log, open_log
 from mapcli.formats.logs.ros import messages as ros
+from mapcli.formats.logs.topics import LogNames
 from mapcli.model.log import Damage, LogOptions
 from mapcli.model.pose import Pose2D, rounded_angle
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record, TruePose
