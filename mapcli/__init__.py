@@ -5,7 +5,7 @@ when it is first used, so that `import mapcli` loads nothing heavy. `docs/python
 
     import mapcli
 
-    log = mapcli.open_log(["fixtures/corridor.mcap"])
+    log = mapcli.open_log("fixtures/corridor.mcap")
     replayed = mapcli.replay(log.records())
     mapcli.save_map(replayed.map, "corridor.yaml")
 """

@@ -28,8 +28,10 @@ class LoadedTrajectory:
     warnings: tuple[str, ...] = ()
 
 
-def load_trajectory(path: str, topic: str | None = None) -> LoadedTrajectory:
-    """Read a trajectory, from standard input for `-`.
+def load_trajectory(path: str | Path, topic: str | None = None) -> LoadedTrajectory:
+    """Load a trajectory from trace.json, TUM, KITTI, g2o, CSV, or the poses in an MCAP file.
+
+    `-` is standard input.
 
     Args:
         topic: where the poses of an MCAP file are; None finds the only candidate.
@@ -39,7 +41,7 @@ def load_trajectory(path: str, topic: str | None = None) -> LoadedTrajectory:
             that go back.
         DataError: no topic with poses, or no obvious one.
     """
-    packed = read_file(Path(path), EXPECTED)
+    packed, path = read_file(Path(path), EXPECTED), str(path)
     data, digest = unpacked(packed, path), sha256_of(packed)
     if data.startswith(MCAP_MAGIC):
         trajectory, warnings = _from_mcap(data, path, topic)

@@ -26,13 +26,14 @@ def is_relations(path: str) -> bool:
     return PurePath(path.removesuffix(".gz")).suffix.lower() == ".relations"
 
 
-def load_relations(path: str) -> Relations:
-    """Read relations.
+def load_relations(path: str | Path) -> Relations:
+    """Load relative poses between two times, for the measure of Kuemmerle 2009.
 
     Raises:
         FormatError: no such file, no relations in it, or a line that is not one.
     """
-    data = unpacked(read_file(Path(path), "a file of relations"), path)
+    data, path = read_file(Path(path), "a file of relations"), str(path)
+    data = unpacked(data, path)
     starts, ends, poses = [], [], []
     for line, words in rows_of_words(data):
         where = f"line {line}"

@@ -38,8 +38,8 @@ FOREIGN = {
 """First bytes of formats that are recognised but not read -> what the user can do."""
 
 
-def open_log(paths: Sequence[str], options: LogOptions = DEFAULTS) -> Log:
-    """Open one recording for reading.
+def open_log(paths: str | Path | Sequence[str | Path], options: LogOptions = DEFAULTS) -> Log:
+    """Open one recording for reading; its records stream when they are asked for.
 
     Args:
         paths: the file, or its parts in any order; a folder stands for the MCAP files in it
@@ -50,8 +50,9 @@ def open_log(paths: Sequence[str], options: LogOptions = DEFAULTS) -> Log:
         FormatError: missing, empty, of no known format, damaged beyond use; parts of different
             formats.
     """
+    names = [str(path) for path in ([paths] if isinstance(paths, str | Path) else paths)]
     try:
-        sources = [source for path in paths for source in _sources(path)]
+        sources = [source for name in names for source in _sources(name)]
         kinds = [_kind(source) for source in sources]
         if len(set(kinds)) > 1:
             raise FormatError(
@@ -63,7 +64,7 @@ def open_log(paths: Sequence[str], options: LogOptions = DEFAULTS) -> Log:
             kinds[0], [_unpacked(s, k) for s, k in zip(sources, kinds, strict=True)], options
         )
     except OSError as error:
-        name = str(error.filename or paths[0])
+        name = str(error.filename or names[0])
         raise FormatError((error.strerror or str(error)).lower(), file=name) from error
 
 

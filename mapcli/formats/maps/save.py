@@ -122,8 +122,8 @@ def save_map(
     *,
     no_clobber: bool = False,
 ) -> list[str]:
-    """Write a map in the format of its suffix (`options` has the rest), and give the
-    names of its files: `x.yaml` also makes `x.pgm`.
+    """Write a map in the format of its suffix, and give the names of its files: `x.yaml` also
+    makes `x.pgm`. `options` has the rest.
 
     All files appear complete, or none. `-` is standard output. `mapcli.load_map` is the inverse.
 

@@ -258,3 +258,10 @@ def test_missing_and_folders(tmp_path: Path) -> None:
     (tmp_path / "a.db3").write_bytes(b"SQLite format 3\0")
     with pytest.raises(FormatError, match="is a ROS 2 bag in SQLite; convert it first: rosbags-"):
         open_log([str(tmp_path)])
+
+
+def test_one_file_need_not_be_a_list(tmp_path: Path) -> None:
+    path = tmp_path / "a.log"
+    path.write_text("FLASER 2 1.0 2.0 0 0 0 0 0 0 1.0 host 1.0\n")
+    for paths in (path, str(path), [path]):
+        assert open_log(paths).topics()[0].name == "FLASER"
