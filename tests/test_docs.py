@@ -27,6 +27,7 @@ def test_every_symbol_is_where_it_is_said_to_be(file: str, symbol: str) -> None:
         found = fields[name] if name in fields else getattr(found, name)
 
 
+@pytest.mark.slow
 def test_the_picture_can_be_drawn_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`python docs/draw_architecture.py`: every room has its place, and there is no circle."""
     monkeypatch.syspath_prepend(str(ROOT / "docs"))

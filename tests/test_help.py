@@ -105,6 +105,7 @@ def completed(words: str) -> set[str]:
     return set(answer.splitlines()) - {"_", "plain"}
 
 
+@pytest.mark.slow
 def test_shell_completion() -> None:
     for shell in ("bash", "zsh", "fish"):
         script = completion(_MAPCLI_COMPLETE=f"{shell}_source")

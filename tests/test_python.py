@@ -66,6 +66,7 @@ def test_the_page_lists_every_name(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (ROOT / "docs" / "python.md").read_text() == import_module("list_verbs").page()
 
 
+@pytest.mark.slow
 def test_what_the_page_shows_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "fixtures").symlink_to(FIXTURES)
     monkeypatch.chdir(tmp_path)

@@ -39,6 +39,7 @@ def run(*arguments: object) -> int:
     return run_mapcli("compare", *arguments)
 
 
+@pytest.mark.slow
 def test_alignment_finds_a_turned_map(capsys: pytest.CaptureFixture[str]) -> None:
     rng = np.random.default_rng(3)
     cells = np.zeros((80, 100), dtype=np.uint8)

@@ -108,6 +108,7 @@ def test_the_frontier_is_red() -> None:
     assert RED in colours("p.png")
 
 
+@pytest.mark.slow
 def test_long_animations_are_thinned() -> None:
     Path("hall.txt").write_text("0 " * 401 + "\n")
     assert frontier("hall.txt", "--robot", "0,0", "--gif", "g.gif") == 0

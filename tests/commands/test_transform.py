@@ -121,6 +121,7 @@ def test_merge_by_origin_by_motion_and_to_json(capsys: pytest.CaptureFixture[str
     assert np.array_equal(load_map("b.yaml").grid.cells, both.cells, equal_nan=True)
 
 
+@pytest.mark.slow
 def test_align_and_merge_by_search(capsys: pytest.CaptureFixture[str]) -> None:
     cells = np.zeros((90, 120), dtype=np.uint8)
     cells[[0, -1]], cells[:, [0, -1]], cells[30, :70], cells[50:, 80] = 100, 100, 100, 100

@@ -33,6 +33,7 @@ def test_relations_give_what_is_left_of_each() -> None:
     assert found.errors["relations"].metres == pytest.approx([0.5])
 
 
+@pytest.mark.slow
 def test_the_records_of_its_own_log_give_a_self_check() -> None:
     log = str(FIXTURES / "apartment.mcap")
     found = evaluate(load_trajectory(log).trajectory, open_log([log]).records())

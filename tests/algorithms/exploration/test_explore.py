@@ -47,6 +47,7 @@ def run(case: dict[str, Any], **options: Any) -> Exploration:
     return explore(GridMap(case["world"]), case["robots"], ExplorationParameters(**options), known)
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(case=exploration_cases(robots=3), options=OPTIONS)
 def test_everything_that_can_be_reached_and_sensed_is_known(
@@ -62,6 +63,7 @@ def test_everything_that_can_be_reached_and_sensed_is_known(
                 np.testing.assert_equal(after[cell], world[cell])
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(case=exploration_cases(robots=3), options=OPTIONS)
 def test_what_holds_of_every_trace(case: dict[str, Any], options: dict[str, Any]) -> None:
@@ -222,6 +224,7 @@ def test_a_robot_looks_where_it_cannot_go() -> None:
     assert run.summary.unreachable == len(run.frontier) > 0
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(case=exploration_cases(robots=2), options=OPTIONS, radius=st.sampled_from([0.6, 1.0, 1.6]))
 def test_a_robot_with_a_radius_misses_nothing(

@@ -117,6 +117,7 @@ def test_most_that_can_be_expected(sensor_range: int, cells: int) -> None:
     assert make_chooser("gain", state, fov).max_utility == cells
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(world=worlds(largest=9), sensor_range=st.integers(1, 12))
 def test_a_glimpse_shows_what_a_look_shows(world: np.ndarray, sensor_range: int) -> None:

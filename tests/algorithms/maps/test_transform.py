@@ -57,6 +57,7 @@ def test_align_walls_says_by_how_much_they_were_turned() -> None:
     assert aligned.motion.pose.theta == -aligned.walls
 
 
+@pytest.mark.slow
 def test_merging_by_a_given_motion_and_by_a_search() -> None:
     grid = room()
     motion = Pose2D(0.5, -0.25)
@@ -249,6 +250,7 @@ def test_nothing_to_register() -> None:
         register(room(), GridMap(np.zeros((5, 5))))
 
 
+@pytest.mark.slow
 def test_maps_that_do_not_fit() -> None:
     dots = np.zeros((180, 240), dtype=np.uint8)
     dots[::7, ::7] = 100

@@ -78,6 +78,7 @@ def test_the_pose_is_found_anywhere_at_any_heading(known: GridMap, heading: floa
         assert match.score > 0.6
 
 
+@pytest.mark.slow
 def test_a_hall_is_not_in_this_flat(known: GridMap) -> None:
     for pose in HALL_POSES:
         match = localize_globally(opened(known), see(HALL, pose), MATCH)

@@ -37,6 +37,7 @@ traces = st.lists(st.tuples(poses, st.integers(0, 2 * 10**18)), min_size=1, max_
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [*WRITERS, ".json"])
 @given(trace=traces)
 def test_every_format_is_read_as_written(

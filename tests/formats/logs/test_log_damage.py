@@ -190,6 +190,7 @@ def test_no_mcap_at_all(tmp_path: Path) -> None:
             read(tmp_path, data)
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(
     container=st.sampled_from(sorted(CONTAINERS)),

@@ -6,6 +6,7 @@ import contextlib
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -62,6 +63,7 @@ def damaged(draw: st.DrawFn) -> tuple[str, dict[str, bytes]]:
     return name, files | {victim: bytes(data)}
 
 
+@pytest.mark.slow
 @given(map_files=damaged(), dialect=st.sampled_from(["nav2", "ros1"]))
 @settings(max_examples=400)
 def test_only_sentences_come_out(map_files: tuple[str, dict[str, bytes]], dialect: str) -> None:

@@ -77,6 +77,7 @@ def test_trinary_reads_the_same_in_every_dialect(dialect: Any, negate: bool, suf
     assert_same(load_map(f"m.{suffix}", dialect=dialect, read=stored(files)).grid, PLACED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "options"),
     [
@@ -300,6 +301,7 @@ WAYS = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["depot", "tb3_sandbox"])
 def test_real_maps_survive_every_format_and_dialect(name: str) -> None:
     path = SHARED / "maps" / f"{name}.yaml"

@@ -100,6 +100,7 @@ scans = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.lists(scans | st.builds(Odometry, stamps, poses), min_size=1, max_size=12), scans)
 def test_round_trip_to_the_bit(
