@@ -51,7 +51,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; a test compares it with
     )
     from mapcli.algorithms.similarity.map_update import update_map as update_map
     from mapcli.algorithms.simulation.drive import MotionLimits as MotionLimits
-    from mapcli.algorithms.simulation.drive import plan_drive as plan_drive
+    from mapcli.algorithms.simulation.drive_plan import plan_drive as plan_drive
     from mapcli.algorithms.simulation.mowing import mow as mow
     from mapcli.algorithms.simulation.mowing_plan import plan_mowing as plan_mowing
     from mapcli.algorithms.simulation.sensors import LaserModel as LaserModel
@@ -117,7 +117,7 @@ HOMES = {
     "load_world": "mapcli.formats.documents.world",
     "load_waypoints": "mapcli.formats.documents.waypoints",
     "simulate": "mapcli.algorithms.simulation.simulate",
-    "plan_drive": "mapcli.algorithms.simulation.drive",
+    "plan_drive": "mapcli.algorithms.simulation.drive_plan",
     "plan_mowing": "mapcli.algorithms.simulation.mowing_plan",
     "mow": "mapcli.algorithms.simulation.mowing",
     # Records that the verbs take

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.ray_casting import clearance, edges_of, is_inside
-from mapcli.algorithms.simulation.drive import Drive, MotionLimits, plan_drive
+from mapcli.algorithms.simulation.drive import Drive, MotionLimits
+from mapcli.algorithms.simulation.drive_plan import plan_drive
 from mapcli.algorithms.simulation.sensors import Fault, LaserModel, WheelModel
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap

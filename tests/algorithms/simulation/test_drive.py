@@ -10,7 +10,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from mapcli.algorithms.simulation.drive import Drive, MotionLimits, Trapezoid, arc, plan_drive
+from mapcli.algorithms.simulation.drive import Drive, MotionLimits, Trapezoid, arc
+from mapcli.algorithms.simulation.drive_plan import plan_drive
 from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.waypoint import Waypoint
