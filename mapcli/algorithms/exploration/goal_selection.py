@@ -44,8 +44,7 @@ from mapcli.algorithms.exploration.voronoi_partition import (
 NEAREST, PRIORITY, GAIN = range(3)
 """The strategies."""
 
-OWN, ANY = 0, 3
-"""Places in `Chooser.best`."""
+NO_GOAL = Goal(FRONTIER, NOWHERE, 0, 0)
 
 
 class Chooser(NamedTuple):
@@ -57,14 +56,11 @@ class Chooser(NamedTuple):
         seen: with GAIN, for each cell 1 + the number of cells expected to be seen when that was
             last worked out, 0 where never (int32). As the map gets known this only shrinks, so
             what it was bounds what it is.
-        best: scratch: cell, utility and moves of the best goal in the robot's own part, and of the
-            best one anywhere (int64).
     """
 
     strategy: int
     max_utility: int
     seen: Cells
-    best: Cells
 
 
 def make_chooser(strategy: str, state: ExplorationState, fov: FieldOfView) -> Chooser:
@@ -76,7 +72,6 @@ def make_chooser(strategy: str, state: ExplorationState, fov: FieldOfView) -> Ch
         code,
         max_utility,
         np.zeros(len(state.known) if code == GAIN else 0, np.int32),
-        np.zeros(6, np.int64),
     )
 
 
@@ -91,9 +86,9 @@ def find_goal(
 ) -> Goal:
     """The best goal of a robot. Until the next search, the path to it can be read from `search`."""
     alone = len(robots.cell) == 1
-    chooser.best[OWN] = chooser.best[ANY] = NOWHERE
+    own, other = NO_GOAL, NO_GOAL  # the best in the robot's own part, and elsewhere
     if state.counts[FRONTIER_SIZE] == 0:
-        return goal_at(chooser, OWN)
+        return own
     begin, end, moves = 0, start_search(state, search, robots.cell[robot]), 0
     # The partition grows as fast as the search: cells some moves away have their owner by then.
     wave_begin, wave_end = 0, 0 if alone else start_partition(partition, robots.cell)
@@ -107,23 +102,20 @@ def find_goal(
             left -= mine
             if is_candidate(state, robots, robot, cell, moves):
                 if mine:
-                    consider(state, fov, chooser, OWN, cell, moves)
-                elif chooser.best[OWN] == NOWHERE:
-                    consider(state, fov, chooser, ANY, cell, moves)
+                    own = better_goal(state, fov, chooser, own, cell, moves)
+                elif own.cell == NOWHERE:
+                    other = better_goal(state, fov, chooser, other, cell, moves)
         moves += 1
-        if is_beaten(chooser, OWN, moves):
+        if is_unbeatable(chooser, own, moves):
             break
-        if not alone and growing == 0 and left == 0 and is_beaten(chooser, ANY, moves):
+        if not alone and growing == 0 and left == 0 and is_unbeatable(chooser, other, moves):
             break
         begin, end = end, expand(state, search, begin, end, moves)
         if growing > 0:
-            wave_begin, wave_end = (
-                wave_end,
-                grow_partition(state, partition, wave_begin, wave_end),
-            )
+            wave_end, wave_begin = grow_partition(state, partition, wave_begin, wave_end), wave_end
             growing = count_owned(partition, robot, wave_begin, wave_end)
             left += growing
-    return goal_at(chooser, OWN if chooser.best[OWN] != NOWHERE else ANY)
+    return own if own.cell != NOWHERE else other
 
 
 def is_candidate(
@@ -134,20 +126,20 @@ def is_candidate(
     return state.frontier[cell] == 1 and fits and assigned_robots(robots.goal, robot, cell) == 0
 
 
-def consider(
-    state: ExplorationState, fov: FieldOfView, chooser: Chooser, place: int, cell: int, moves: int
-) -> None:
-    """Remember a cell when it is better than the best one so far."""
-    if beats(chooser, place, bound(chooser, cell), moves, cell):
+def better_goal(
+    state: ExplorationState, fov: FieldOfView, chooser: Chooser, best: Goal, cell: int, moves: int
+) -> Goal:
+    """A cell as the goal when it is better than the best one so far, else that one."""
+    if beats(best, utility_bound(chooser, cell), moves, cell):
         utility = utility_of(state, fov, chooser, cell)
-        if beats(chooser, place, utility, moves, cell):
-            best = chooser.best
-            best[place], best[place + 1], best[place + 2] = cell, utility, moves
+        if beats(best, utility, moves, cell):
+            # A sum is of the width that the other fields have, whatever that of the columns.
+            return Goal(FRONTIER, 0 + cell, 0 + utility, 0 + moves)
+    return best
 
 
-def beats(chooser: Chooser, place: int, utility: int, moves: int, cell: int) -> bool:
+def beats(best: Goal, utility: int, moves: int, cell: int) -> bool:
     """Whether utility / moves at a cell is more than the best so far; ties as said above."""
-    best = goal_at(chooser, place)
     if best.cell == NOWHERE:
         return True
     ours, theirs = utility * best.moves, best.utility * moves
@@ -156,15 +148,9 @@ def beats(chooser: Chooser, place: int, utility: int, moves: int, cell: int) -> 
     return moves < best.moves or (moves == best.moves and cell < best.cell)
 
 
-def is_beaten(chooser: Chooser, place: int, moves: int) -> bool:
+def is_unbeatable(chooser: Chooser, best: Goal, moves: int) -> bool:
     """Whether nothing that is so many moves away or more can be better than the best so far."""
-    best = goal_at(chooser, place)
     return best.cell != NOWHERE and chooser.max_utility * best.moves <= best.utility * moves
-
-
-def goal_at(chooser: Chooser, place: int) -> Goal:
-    best = chooser.best
-    return Goal(FRONTIER, best[place], best[place + 1], best[place + 2])
 
 
 def assigned_robots(goals: Cells, robot: int, cell: int) -> int:
@@ -175,7 +161,7 @@ def assigned_robots(goals: Cells, robot: int, cell: int) -> int:
     return count
 
 
-def bound(chooser: Chooser, cell: int) -> int:
+def utility_bound(chooser: Chooser, cell: int) -> int:
     """A utility that the cell does not exceed, known without looking."""
     if chooser.strategy == GAIN and chooser.seen[cell]:
         return chooser.seen[cell] - 1
