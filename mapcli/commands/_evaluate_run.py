@@ -15,6 +15,7 @@ from mapcli.commands._evaluate_report import described
 from mapcli.commands._log_options import LogInput, say_notes
 from mapcli.commands._say import warn
 from mapcli.errors import MapcliError
+from mapcli.formats.documents.pose_trace import torn_files
 from mapcli.formats.documents.relations import is_relations
 from mapcli.formats.input import sha256_of
 from mapcli.formats.logs.open_log import Log
@@ -68,6 +69,9 @@ class EvaluateRun:
             MapcliError: what the readers and the algorithms raise, with the trace's name.
         """
         trace = self._load(self.files.trace, None)
+        torn = torn_files(Path(self.files.trace))
+        text = "beside it is not the one that it was written with"
+        warn(self.files.trace, [f"{name} {text}" for name in torn], quiet=self.quiet)
         try:
             reference = self._reference()
             odometry = None if self.files.odometry is None else self._odometry(self.files.odometry)

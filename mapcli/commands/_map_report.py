@@ -9,6 +9,7 @@ import numpy as np
 
 from mapcli.commands._world_report import Points, cell_at, cell_line
 from mapcli.formats.documents.json_document import document
+from mapcli.formats.documents.pose_trace import torn_files
 from mapcli.formats.input import DigestingReader
 from mapcli.formats.maps.dialects import Dialect
 from mapcli.formats.maps.load import LoadedMap, load_map
@@ -20,12 +21,20 @@ def map_report(file: str, dialect: Dialect, at: Points = ()) -> tuple[str, dict[
     read = DigestingReader()
     loaded = load_map(file, dialect=dialect, read=read, lenient=True)
     content = describe(loaded)
+    content["warnings"] += _of_another_run(loaded)
     queries = [cell_at(loaded.grid, point) for point in at]
     lines = [f"{file}: map, {loaded.format}", *_lines(content), *map(cell_line, queries)]
     text = "\n".join(lines)
     content |= {"at": queries} if at else {}
     parameters = {"dialect": dialect, "occupied_from": OCCUPIED_THRESHOLD}
     return text, document("mapcli.map-info", read.digests, parameters, content)
+
+
+def _of_another_run(loaded: LoadedMap) -> list[str]:
+    """A warning when the trace beside a map was written with another one."""
+    trace = loaded.files[0].with_name("trace.json")
+    torn = {*torn_files(trace)} & {path.name for path in loaded.files}
+    return [f"{name} is not the one that {trace.name} was written with" for name in sorted(torn)]
 
 
 def describe(loaded: LoadedMap) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -28,17 +29,44 @@ def check_outputs(
         click.UsageError: two results for one file.
         OutputError: one of the inputs, or as of `check_output`.
     """
-    sources = {Path(name).resolve() for name in inputs if name != "-"}
+    sources = read_files(inputs)
     taken: set[str | Path] = set()
     for name in files:
         place = name if name == "-" else Path(name).resolve()
         if place in taken:
             where = "standard output" if name == "-" else name
             raise click.UsageError(f"Two results cannot both be written to {where}.")
-        if place in sources:
+        if any(_is_same(name, source) for source in sources if name != "-"):
             raise OutputError(f"is one of the {kind} to be read", file=name)
         taken.add(place)
         check_output(name, no_clobber=no_clobber)
+
+
+def read_files(inputs: Iterable[str]) -> list[Path]:
+    """Every file that reading these touches: the files of a folder, and the image of a YAML."""
+    files: list[Path] = []
+    for path in (Path(name) for name in inputs if name != "-"):
+        files.append(path)
+        if path.is_dir():
+            files += [inner for inner in path.rglob("*") if inner.is_file()]
+        elif path.suffix.lower() in (".yaml", ".yml") and path.is_file():
+            with path.open("rb") as file:
+                image = IMAGE.search(file.read(1 << 16))
+            if image:
+                files.append(path.parent / image[1].decode(errors="surrogateescape").strip())
+    return files
+
+
+IMAGE = re.compile(rb"^\s*image\s*:\s*[\"']?([^\"'#\n\r]+)", re.MULTILINE)
+"""The line of a map's YAML that names its image; the reader of maps reads it properly later."""
+
+
+def _is_same(name: str, other: Path) -> bool:
+    """Whether two names are of one regular file, however they are spelt."""
+    path = Path(name)
+    if path.resolve() == other.resolve():
+        return True
+    return path.is_file() and other.is_file() and path.samefile(other)
 
 
 def progress(

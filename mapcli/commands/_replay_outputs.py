@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
+from types import MappingProxyType
 from typing import Any
 
 import click
 
-from mapcli import save_map
 from mapcli.algorithms.slam.replay import Replayed
 from mapcli.commands._output import check_outputs
 from mapcli.formats.documents.trajectory_text import WRITERS, dump_trajectory
-from mapcli.formats.maps.save import SUFFIXES, SaveOptions
-from mapcli.formats.output import output_file, write_bytes
+from mapcli.formats.maps.save import SUFFIXES, Pieces, SaveOptions, map_files
+from mapcli.formats.output import output_set
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
 from mapcli.model.summary import ReplaySummary
@@ -89,64 +89,85 @@ def write_outputs(
     outputs: ReplayOutputs,
     replayed: Replayed,
     head: Mapping[str, Any],
+    others: Mapping[str, bytes] = MappingProxyType({}),
     *,
     no_clobber: bool,
 ) -> None:
-    """Write every file that was asked for.
+    """Write every file that was asked for: all of them, or none. The trace comes last and holds
+    the digests of the others, so that a set of files that was torn is found out.
 
     Args:
         head: `inputs` and `parameters`, for the head of the JSON document.
+        others: more files of the set, name -> content.
 
     Raises:
         OutputError: a file cannot be written.
     """
-    grid, trace = replayed.map, replayed.trace
-    writers: tuple[tuple[str | None, Callable[[str], None]], ...] = (
-        (outputs.map, lambda f: _write_map(f, grid, no_clobber)),
-        (outputs.json, lambda f: _write_json(f, trace, head, replayed.summary, no_clobber)),
-        (outputs.trace, lambda f: _write_trace(f, trace, no_clobber)),
-        (outputs.mcap, lambda f: _write_mcap(f, grid, trace, no_clobber)),
-        (outputs.png, lambda f: _write_png(f, grid, trace, no_clobber)),
-    )
-    for name, write in writers:
-        if name:
-            if name != "-":
-                Path(name).parent.mkdir(parents=True, exist_ok=True)
-            write(name)
+    contents = {**_contents(outputs, replayed), **others}
+    for name in [*contents, *filter(None, [outputs.json])]:
+        if name != "-":
+            Path(name).parent.mkdir(parents=True, exist_ok=True)
+    with output_set(no_clobber=no_clobber) as files:
+        digests = {name: files.write(name, content) for name, content in contents.items()}
+        if outputs.json:
+            files.write(outputs.json, _trace_json(outputs.json, replayed, head, digests))
 
 
-def _write_map(name: str, grid: GridMap, no_clobber: bool) -> None:
-    save_map(grid, name, SaveOptions(format="txt" if name == "-" else None), no_clobber=no_clobber)
+def _contents(outputs: ReplayOutputs, replayed: Replayed) -> dict[str, bytes | Pieces]:
+    """File -> content, of all but the trace as JSON."""
+    contents: dict[str, bytes | Pieces] = {}
+    if outputs.map:
+        options = SaveOptions(format="txt" if outputs.map == "-" else None)
+        files = map_files(replayed.map, outputs.map, options)
+        contents |= {_beside(outputs.map, name): pieces for name, pieces in files.items()}
+    if outputs.trace:
+        contents[outputs.trace] = dump_trajectory(replayed.trace, outputs.trace)
+    if outputs.mcap:
+        contents[outputs.mcap] = _mcap(replayed.map, replayed.trace)
+    if outputs.png:
+        contents[outputs.png] = _picture(replayed.map, replayed.trace)
+    return contents
 
 
-def _write_json(
-    name: str, trace: PoseTrace, head: Mapping[str, Any], summary: ReplaySummary, no_clobber: bool
-) -> None:
+def _beside(target: str, name: str) -> str:
+    return name if name == "-" else str(Path(target).with_name(name))
+
+
+def _trace_json(
+    file: str, replayed: Replayed, head: Mapping[str, Any], digests: Mapping[str, str]
+) -> bytes:
+    """The trace as JSON, with the digests of the files in its folder."""
     from mapcli.formats.documents.json_document import json_bytes
     from mapcli.formats.documents.pose_trace import trace_document
 
-    content = trace_document(trace, head["inputs"], head["parameters"], summary.document())
-    write_bytes(name, json_bytes(content), no_clobber=no_clobber)
+    folder = Path(file).absolute().parent
+    siblings = {
+        Path(name).name: digest
+        for name, digest in digests.items()
+        if name != "-" and Path(name).absolute().parent == folder
+    }
+    summary = replayed.summary.document()
+    return json_bytes(
+        trace_document(replayed.trace, head["inputs"], head["parameters"], summary, siblings)
+    )
 
 
-def _write_trace(name: str, trace: PoseTrace, no_clobber: bool) -> None:
-    write_bytes(name, dump_trajectory(trace, name), no_clobber=no_clobber)
+def _mcap(grid: GridMap, trace: PoseTrace) -> bytes:
+    from io import BytesIO
 
-
-def _write_mcap(name: str, grid: GridMap, trace: PoseTrace, no_clobber: bool) -> None:
     from mapcli.formats.logs.mcap.replay_writer import write_result
 
-    with output_file(name, no_clobber=no_clobber) as file:
-        write_result(file, grid, trace)
+    stream = BytesIO()
+    write_result(stream, grid, trace)
+    return stream.getvalue()
 
 
-def _write_png(name: str, grid: GridMap, trace: PoseTrace, no_clobber: bool) -> None:
+def _picture(grid: GridMap, trace: PoseTrace) -> bytes:
     from mapcli.pictures.map_picture import RobotPath, floor_plan
 
     driven = trace.trajectory()
     path = RobotPath(driven.poses[:, :2], driven.seconds(), driven.poses[:, 2])
-    picture = floor_plan(grid, path=path)
-    write_bytes(name, picture, no_clobber=no_clobber)
+    return floor_plan(grid, path=path)
 
 
 def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> None:

@@ -9,7 +9,7 @@ from mapcli.algorithms.scans.perception import PerceptionParameters
 from mapcli.algorithms.scans.scan_extraction import scan_perception
 from mapcli.errors import DataError
 from mapcli.formats.documents.perception_writer import dump_perception
-from mapcli.formats.output import write_bytes
+from mapcli.formats.logs.log import Log
 from mapcli.model.scan import RangeScan
 from mapcli.model.trace import PoseTrace
 
@@ -19,29 +19,46 @@ def perception_files(folder: str | Path, numbers: Sequence[int]) -> dict[int, st
     return {number: str(Path(folder) / f"perception-{number}.yaml") for number in numbers}
 
 
-def write_perceptions(
+def perception_contents(
     files: Mapping[int, str],
     scans: Mapping[int, RangeScan],
     trace: PoseTrace,
     parameters: PerceptionParameters,
     log: str,
-    *,
-    no_clobber: bool,
-) -> None:
-    """Write the scans asked for.
+) -> dict[str, bytes]:
+    """The files of the scans asked for: name -> content.
 
     Raises:
         DataError: the log has no such scan, or it has no beams.
-        OutputError: a file cannot be written.
     """
+    contents = {}
     for number, name in files.items():
         if number not in scans or number >= len(trace.poses):
-            raise DataError(f"--save-perception {number}: there is no such scan", file=log,
-                            expected=f"0 to {len(trace.poses) - 1}")  # fmt: skip
+            raise no_such_scan(number, len(trace.poses), log)
         traced = trace.poses[number]
         try:
             perception = scan_perception(scans[number], traced.pose, parameters)
         except DataError as error:
             raise DataError(f"scan {number}: {error.problem}", file=log) from error
-        Path(name).parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(name, dump_perception(perception, name, traced.odom), no_clobber=no_clobber)
+        contents[name] = dump_perception(perception, name, traced.odom)
+    return contents
+
+
+def check_perceptions(files: Mapping[int, str], log: Log) -> None:
+    """Say before the work that a scan asked for cannot be there.
+
+    Raises:
+        DataError: the log has fewer scans, as far as it tells.
+    """
+    count = log.scan_count
+    for number in files if count is not None else ():
+        if number >= (count or 0):
+            raise no_such_scan(number, count or 0, log.name)
+
+
+def no_such_scan(number: int, count: int, log: str) -> DataError:
+    return DataError(
+        f"--save-perception {number}: there is no such scan",
+        file=log,
+        expected=f"0 to {count - 1}",
+    )

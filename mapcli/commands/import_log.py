@@ -9,8 +9,8 @@ import click
 
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._options import FILE, common_options, no_clobber_option
-from mapcli.commands._output import progress
-from mapcli.errors import DataError, OutputError
+from mapcli.commands._output import check_outputs, progress
+from mapcli.errors import DataError
 from mapcli.model.counting import counted
 from mapcli.model.scan import Odometry, RangeScan, Record
 
@@ -75,8 +75,7 @@ def command(
 
     if out != "-" and not out.lower().endswith(".mcap"):
         raise click.UsageError(f"{out!r} does not end in .mcap.")
-    if out in logs and out != "-":
-        raise OutputError("is one of the logs to be read", file=out)
+    check_outputs([out], logs, "logs", no_clobber=no_clobber)
     log, tally = log_input.open(logs), Tally()
     records = tally.passing(log_input.records(log), log.name)
     save_log(progress(records, log.name, log.record_count, quiet=quiet), out, no_clobber=no_clobber)

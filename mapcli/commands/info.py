@@ -11,6 +11,7 @@ import click
 
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, POINT, common_options, no_clobber_option
+from mapcli.commands._output import check_outputs
 from mapcli.formats.output import write_bytes
 
 LOG_SUFFIXES = (".mcap", ".log", ".clf", ".gz", ".bag", ".db3")
@@ -42,6 +43,8 @@ def command(
       mapcli info fixtures/fig9_1.yaml --at 5.5,6
       mapcli info map.yaml --json - | jq .cells
     """
+    outputs = [json_file] if json_file else []
+    check_outputs(outputs, files, "files", no_clobber=no_clobber)
     reports = [_report(file, dialect, at, verbose=verbose) for file in files]
     if not quiet and json_file != "-":
         click.echo("\n\n".join(text for text, _ in reports))

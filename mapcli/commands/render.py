@@ -8,6 +8,7 @@ import click
 
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import CELL, FILE, common_options, no_clobber_option
+from mapcli.commands._output import check_outputs
 from mapcli.commands._say import warn
 from mapcli.errors import DataError
 from mapcli.formats.output import write_bytes
@@ -55,6 +56,8 @@ def command(
 
     if source == trace == "-":
         raise click.UsageError("MAP and --trace cannot both be standard input.")
+    inputs = [source, *filter(None, [trace])]
+    check_outputs([png], inputs, "inputs", no_clobber=no_clobber)
     loaded = load_map(source, dialect=dialect)
     warn(source, loaded.warnings, quiet=quiet)
     trajectory = load_trace_poses(trace) if trace else None

@@ -23,7 +23,7 @@ from mapcli.commands._options import (
     common_options,
     no_clobber_option,
 )
-from mapcli.commands._output import progress
+from mapcli.commands._output import check_outputs, progress
 from mapcli.commands._say import warn
 from mapcli.errors import DataError
 from mapcli.model.scan import Mount
@@ -134,6 +134,7 @@ def command(
         return
     assert path is not None
     assert out is not None
+    check_outputs([out], [world, path], "inputs", no_clobber=given["no_clobber"])
     loaded = load_world(world)
     warn(world, loaded.warnings, quiet=quiet)
     with _names(path):

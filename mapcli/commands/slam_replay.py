@@ -36,7 +36,11 @@ from mapcli.commands._replay_outputs import (
     report,
     write_outputs,
 )
-from mapcli.commands._replay_perceptions import perception_files, write_perceptions
+from mapcli.commands._replay_perceptions import (
+    check_perceptions,
+    perception_contents,
+    perception_files,
+)
 from mapcli.errors import DataError
 from mapcli.formats.input import DigestingReader
 from mapcli.formats.maps.load import LoadedMap
@@ -142,13 +146,15 @@ def command(
     parameters = slam_parameters(loops=loop_closing and not known, frozen=localize, **model)
     slam = Slam(parameters, initial_pose, known_map(base, parameters) if base else None)
     log = log_input.open(logs)
+    check_perceptions(files, log)
     replayed, run = replay_log(log, log_input, slam, files, quiet=quiet)
     summary = replayed.summary
     told = effective_parameters(log_input, slam, initial_pose, read.digests)
     head = {"inputs": log.digests(), "parameters": told}
-    write_outputs(outputs, replayed, head, no_clobber=no_clobber)
-    write_perceptions(files, run.kept, replayed.trace, parameters.perception, log.name,
-                      no_clobber=no_clobber)  # fmt: skip
+    perceptions = perception_contents(
+        files, run.kept, replayed.trace, parameters.perception, log.name
+    )
+    write_outputs(outputs, replayed, head, perceptions, no_clobber=no_clobber)
     if not quiet:
         if model["similarity"] and parameters.match.search != "book":
             click.echo("Note: --similarity is for --search book and changes nothing.", err=True)

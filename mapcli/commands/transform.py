@@ -17,10 +17,11 @@ from mapcli.commands._options import (
     common_options,
     no_clobber_option,
 )
+from mapcli.commands._output import check_outputs
 from mapcli.formats.maps.dialects import DIALECTS
 from mapcli.formats.maps.map_image import MODES
 from mapcli.formats.maps.save import FORMATS
-from mapcli.formats.output import check_output, write_bytes
+from mapcli.formats.output import write_bytes
 
 
 class InOrder(click.Command):
@@ -123,7 +124,8 @@ def command(
     operations = click.get_current_context().obj
     if not operations:
         raise click.UsageError("No operation given.")
-    _check(source, target, trace, json_file, no_clobber)
+    merged = [value[0] for name, value in operations if name == "merge"]
+    _check(source, target, trace, json_file, merged, no_clobber)
     digests: dict[str, str] = {}
     loaded = load_map(source, dialect=dialect, read=hashing(digests))
     mode = mode or ("trinary" if loaded.rule is None else loaded.rule.mode)
@@ -155,7 +157,7 @@ def command(
 
 def _check(
     source: str, target: str, trace: tuple[str, str] | None, json_file: str | None,
-    no_clobber: bool,
+    merged: list[str], no_clobber: bool,
 ) -> None:  # fmt: skip
     """Say early what cannot be written, or read.
 
@@ -167,5 +169,7 @@ def _check(
         raise click.UsageError("Two results cannot both be written to one file.")
     if trace and trace[0] == source == "-":
         raise click.UsageError("IN and --trace cannot both be standard input.")
-    for name in results:
-        check_output(name, no_clobber=no_clobber)
+    # IN may be OUT; its image is looked after when the map is written.
+    inputs = [*merged, *(trace or ())[:1]]
+    check_outputs(results, inputs, "inputs", no_clobber=no_clobber)
+    check_outputs(results[1:], [source], "inputs", no_clobber=no_clobber)

@@ -1,72 +1,183 @@
-"""The one writer of every output: files appear whole or not at all, and one that must stay is never
-overwritten. The counterpart of `input.py`."""
+"""The one writer of every output, the counterpart of `input.py`.
+
+A regular file appears whole or not at all: it is written beside its final name and renamed at the
+end. Files of one result change together. What is no regular file (a device, a FIFO, `/dev/stdout`,
+`>(...)`) is written into and never replaced; of a symbolic link the target is replaced.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import os
+import re
+import stat
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
 from mapcli.errors import OutputError
+from mapcli.formats.partial_file import PartialFile, clear_abandoned, signals_held_back
+
+DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
+STANDARD_STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
+
+
+class OutputSet:
+    """The files of one result (stateful): none appears before all are complete.
+
+    They are renamed in the order in which they were opened, with signals held back meanwhile, and
+    when one cannot be renamed the others are as before.
+    """
+
+    def __init__(self, *, no_clobber: bool = False) -> None:
+        self.no_clobber = no_clobber
+        self._partial: list[PartialFile] = []
+        self._streams: list[BinaryIO] = []
+
+    def open(self, path: str | Path) -> BinaryIO:
+        """A binary stream for a file; `-` is standard output.
+
+        Raises:
+            OutputError: the file exists and `no_clobber` is set, or it cannot be written.
+        """
+        if str(path) == "-":
+            return sys.stdout.buffer
+        with _telling(path):
+            stream = _stream_of(path)
+            if stream is not None:
+                self._streams.append(stream)
+                return stream
+            _refuse(path, no_clobber=self.no_clobber)
+            self._partial.append(PartialFile(Path(os.path.realpath(path))))
+            return self._partial[-1].file
+
+    def write(self, path: str | Path, content: bytes | Iterable[bytes]) -> str:
+        """Write one whole file of the set; its SHA-256, hexadecimal.
+
+        Raises:
+            OutputError: as of `open`.
+        """
+        file, digest = self.open(path), hashlib.sha256()
+        for piece in (content,) if isinstance(content, bytes) else content:
+            digest.update(piece)
+            with _telling(path):
+                file.write(piece)
+        return digest.hexdigest()
+
+    def commit(self) -> None:
+        """Let all files appear under their names.
+
+        Raises:
+            OutputError: one of them cannot; then all are as they were before.
+        """
+        sys.stdout.flush()
+        for stream in (*self._streams, *(partial.file for partial in self._partial)):
+            stream.close()
+        done: list[PartialFile] = []
+        with signals_held_back():
+            try:
+                for partial in self._partial:
+                    with _telling(partial.target):
+                        partial.appear(no_clobber=self.no_clobber)
+                    done.append(partial)
+            except OutputError:
+                for partial in reversed(done):
+                    partial.undo()
+                raise
+            finally:
+                for partial in self._partial:
+                    partial.clean_up()
+
+    def discard(self) -> None:
+        """Leave everything as it was."""
+        for stream in self._streams:
+            with suppress(OSError):
+                stream.close()
+        for partial in self._partial:
+            partial.clean_up()
+
+
+@contextmanager
+def output_set(*, no_clobber: bool = False) -> Iterator[OutputSet]:
+    """Files that appear together at the end, or not at all when anything fails on the way."""
+    outputs = OutputSet(no_clobber=no_clobber)
+    try:
+        yield outputs
+        outputs.commit()
+    except BaseException:
+        outputs.discard()
+        raise
 
 
 @contextmanager
 def output_file(path: str | Path, *, no_clobber: bool = False) -> Iterator[BinaryIO]:
-    """A binary file that appears under its name only when it is complete.
-
-    It is written beside its final name and renamed at the end; when anything fails on the way,
-    an older file of that name stays as it was. `-` is standard output.
+    """A binary file that appears under its name only when it is complete; `-` is standard output.
 
     Raises:
         OutputError: the file exists and `no_clobber` is set, or it cannot be written.
     """
-    if str(path) == "-":
-        yield sys.stdout.buffer
-        sys.stdout.buffer.flush()
-        return
-    path = Path(path)
-    _refuse(path, no_clobber)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    with output_set(no_clobber=no_clobber) as outputs, _telling(path):
+        yield outputs.open(path)
+
+
+@contextmanager
+def _telling(path: str | Path) -> Iterator[None]:
+    """Failures of the system as errors that name the file."""
     try:
-        with partial.open("wb") as file:
-            yield file
-        partial.replace(path)
+        yield
+    except BrokenPipeError:
+        raise  # whoever read the pipe has gone: the boundary knows what to do
     except OSError as error:
         raise OutputError(f"cannot be written: {error.strerror}", file=path) from error
-    finally:
-        partial.unlink(missing_ok=True)
 
 
-def _refuse(path: Path, no_clobber: bool) -> None:
-    if no_clobber and path.exists():
-        raise OutputError("exists already, and --no-clobber is set", file=path)
-    if path.is_dir():
+def _stream_of(path: str | Path) -> BinaryIO | None:
+    """What is written into as it is: an open stream of this process, or no regular file; None of
+    a file that is to be replaced, or made."""
+    name = os.path.abspath(path)
+    descriptor = DESCRIPTOR.fullmatch(name)
+    if name in STANDARD_STREAMS or descriptor:
+        number = int(descriptor[1]) if descriptor else STANDARD_STREAMS[name]
+        return os.fdopen(os.dup(number), "wb")
+    try:
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        return None
+    if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
+        return None
+    return open(path, "wb")
+
+
+def _refuse(path: str | Path, *, no_clobber: bool) -> None:
+    if os.path.isdir(path):
         raise OutputError("is a directory", file=path, expected="a file name")
+    if no_clobber and os.path.lexists(path):
+        raise OutputError("exists already, and --no-clobber is set", file=path)
 
 
 def check_output(path: str | Path, *, no_clobber: bool = False) -> None:
     """Raise before minutes of work what writing a file would raise at their end. Leaves no file.
 
-    Folders that do not exist yet are taken to be made when the file is written.
+    Folders that do not exist yet are taken to be made when the file is written. What runs that
+    were killed have left in the folder is cleared.
 
     Raises:
         OutputError: as of `output_file`.
     """
-    if str(path) == "-":
+    if str(path) == "-" or DESCRIPTOR.fullmatch(os.path.abspath(path)):
         return
-    import tempfile
-
-    path = Path(path)
-    _refuse(path, no_clobber)
-    folder = next(parent for parent in path.absolute().parents if parent.exists())
-    try:
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise OutputError(f"cannot be written: {error.strerror}", file=path) from error
+    with _telling(path):
+        if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
+            if not os.access(path, os.W_OK):
+                raise OutputError("cannot be written: permission denied", file=path)
+            return
+        _refuse(path, no_clobber=no_clobber)
+        target = Path(os.path.realpath(path))
+        folder = next(parent for parent in target.parents if parent.exists())
+        clear_abandoned(folder)
+        PartialFile(folder / target.name).clean_up()
 
 
 def write_bytes(path: str | Path, data: bytes, *, no_clobber: bool = False) -> None:
@@ -79,18 +190,14 @@ def write_files(
     directory: str | Path, files: Mapping[str, bytes | Iterable[bytes]], *,
     no_clobber: bool = False,
 ) -> None:  # fmt: skip
-    """Write the files of one result in the order given: all of them, or none when one cannot be
-    written, so that an older pair of image and YAML never ends up half replaced.
+    """Write the files of one result: all of them, or none when one cannot be written.
 
     Args:
         files: name -> content, whole or in pieces.
     """
-    with ExitStack() as stack:
-        # Files appear when their context closes, the last opened first.
-        for name in reversed(list(files)):
-            file = stack.enter_context(output_file(Path(directory) / name, no_clobber=no_clobber))
-            content = files[name]
-            file.writelines([content] if isinstance(content, bytes) else content)
+    with output_set(no_clobber=no_clobber) as outputs:
+        for name, content in files.items():
+            outputs.write(Path(directory) / name, content)
 
 
 def write_beside(target: str, files: dict[str, bytes], *, no_clobber: bool = False) -> None:

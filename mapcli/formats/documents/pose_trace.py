@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -51,6 +53,24 @@ def read_trace_poses(data: bytes, file: str) -> Trajectory:
     return Trajectory(numbers, stamps.astype(np.int64))
 
 
+def torn_files(trace: Path) -> list[str]:
+    """Files beside a trace that are not those that were written with it, by their digests: the
+    run that wrote them was killed, or another one wrote over them. Empty where nothing is known.
+    """
+    try:
+        content = json.loads(trace.read_bytes())
+        files = content["files"] if content["format"] == POSE_TRACE else []
+        named = {str(one["file"]): str(one["sha256"]) for one in files}
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return []
+    beside = {name: trace.with_name(Path(name).name) for name in named}
+    return [
+        name
+        for name, path in beside.items()
+        if path.is_file() and sha256_of(path.read_bytes()) != named[name]
+    ]
+
+
 def move_trace(path: str | Path, motion: Isometry) -> bytes:
     """The bytes of a trace after a rigid motion of its map, maybe with a mirror image.
 
@@ -71,7 +91,7 @@ def move_trace(path: str | Path, motion: Isometry) -> bytes:
     head = document(POSE_TRACE, {Path(path).name: sha256_of(data)}, {}, {})
     head["parameters"] = {**content.get("parameters", {}), "moved_by": moved_by}
     rest = {key: value for key, value in content.items() if key not in head}
-    return json_bytes({**head, **rest, "loops": loops, "poses": poses})
+    return json_bytes({**head, **rest, "files": [], "loops": loops, "poses": poses})
 
 
 def _moved(pose: dict[str, Any], motion: Isometry) -> dict[str, Any]:
@@ -94,8 +114,11 @@ def trace_document(
     inputs: Mapping[str, str],
     parameters: Mapping[str, Any],
     summary: Mapping[str, Any],
+    siblings: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """A pose trace as a document of format `mapcli.pose-trace` (see `json_document`).
+
+    `siblings` are the files that were written with it into its folder, name -> SHA-256.
 
     Lengths and angles have six decimals, scores four: micrometres are finer than any laser, and
     such numbers are the same on every machine.
@@ -109,7 +132,13 @@ def trace_document(
         }
         for loop in trace.loops
     ]
-    content = {"summary": summary, "loops": loops, "poses": [_row(p) for p in trace.poses]}
+    files = [{"file": name, "sha256": digest} for name, digest in siblings.items()]
+    content = {
+        "summary": summary,
+        "files": files,
+        "loops": loops,
+        "poses": [_row(p) for p in trace.poses],
+    }
     return document(POSE_TRACE, inputs, parameters, content)
 
 
