@@ -193,8 +193,11 @@ def write_files(
     """Write the files of one result: all of them, or none when one cannot be written.
 
     Args:
-        files: name -> content, whole or in pieces.
+        files: name -> content, whole or in pieces, in the order in which they appear.
     """
+    *_, named = files  # the file that the user named comes last
+    with _telling(Path(directory) / named):
+        os.stat(directory)
     with output_set(no_clobber=no_clobber) as outputs:
         for name, content in files.items():
             outputs.write(Path(directory) / name, content)
