@@ -30,7 +30,7 @@ def cpu_ms(patch: str, folder: str) -> float:
     """User and system time of one run of the command with a patch of `mapcli.startup`."""
     code = (
         "import importlib, sys\nfrom mapcli import startup\n"
-        f"{patch}\nfrom mapcli.cli import run\n"
+        f"{patch}\nfrom mapcli.__main__ import run\n"
         f"sys.argv = ['mapcli', 'slam-replay', '-q', {str(CORRIDOR)!r}, '-o', {folder!r}]\nrun()\n"
     )
     process = subprocess.Popen([sys.executable, "-c", code])

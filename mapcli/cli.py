@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
 
 import click
 
@@ -38,7 +37,7 @@ COMMANDS = {
 MODULES = {"import": "import_log"}
 """Where the module cannot bear the command's name: `import` is a Python keyword."""
 
-EXIT_DATA, EXIT_QUALITY, EXIT_INTERRUPTED = 1, 3, 130
+EXIT_DATA, EXIT_QUALITY, EXIT_INTERRUPTED, EXIT_TERMINATED = 1, 3, 130, 143
 
 EXIT_UNREAD = 0
 """The reader of our stdout has gone (`| head`); that is no fault of ours."""
@@ -91,7 +90,8 @@ def cli() -> None:
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command line and leave with an exit code.
 
-    0 done, 1 data or machine failed, 2 wrong usage, 3 quality limit not met, 130 interrupted.
+    0 done, 1 data or machine failed, 2 wrong usage, 3 quality limit not met, 130 interrupted,
+    143 terminated.
     """
     arguments = list(sys.argv[1:] if args is None else args)
     debug, stdout = "--debug" in arguments, sys.stdout
@@ -102,9 +102,11 @@ def main(args: Sequence[str] | None = None) -> None:
     except click.ClickException as error:
         error.show()
         sys.exit(error.exit_code)
-    except (click.Abort, KeyboardInterrupt):
-        click.echo("Interrupted.", err=True)
-        sys.exit(EXIT_INTERRUPTED)
+    except (click.Abort, KeyboardInterrupt) as stopped:
+        # Click turns the one into the other.
+        terminated = isinstance(stopped.__cause__ or stopped, startup.Terminated)
+        click.echo("Terminated." if terminated else "Interrupted.", err=True)
+        sys.exit(EXIT_TERMINATED if terminated else EXIT_INTERRUPTED)
     except BrokenPipeError:
         sys.exit(EXIT_UNREAD)
     except SystemExit as leaving:
@@ -123,16 +125,6 @@ def main(args: Sequence[str] | None = None) -> None:
             f"Error: a fault in mapcli: {name}: {describe(error)} (--debug says more)", err=True
         )
         sys.exit(EXIT_DATA)
-
-
-def run() -> NoReturn:
-    """`main` for a shell."""
-    startup.keep_blas_single_threaded()
-    try:
-        main()
-    except SystemExit as leaving:
-        status = leaving.code if isinstance(leaving.code, int) else 0
-    startup.leave(status)
 
 
 def print_traceback() -> None:

@@ -11,10 +11,32 @@ import contextlib
 import gc
 import importlib
 import os
+import signal
 import sys
 from collections.abc import Iterator
-from types import ModuleType
+from types import FrameType, ModuleType
 from typing import NoReturn
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM came: to be handled as Ctrl-C is, but for the exit code."""
+
+
+def end_on_signals() -> None:
+    """While modules are imported, and at the very end: SIGINT and SIGTERM end the process at once
+    and silently, with their exit codes."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda came, _: os._exit(128 + came))
+
+
+def raise_on_signals() -> None:
+    """While a command runs, signals are exceptions: `KeyboardInterrupt` and `Terminated`."""
+
+    def terminate(number: int, frame: FrameType | None) -> NoReturn:
+        raise Terminated
+
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, terminate)
 
 
 def keep_blas_single_threaded() -> None:

@@ -77,7 +77,7 @@ def test_leaving_at_once_loses_nothing(arguments: list[str], status: int, where:
 def test_what_is_to_be_done_at_the_end_is_done() -> None:
     program = """
         import atexit
-        from mapcli.cli import run
+        from mapcli.__main__ import run
         atexit.register(print, "tidied up")
         run()
     """

@@ -7,12 +7,15 @@ from collections.abc import Container, Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
+import click
+
 from mapcli.algorithms.slam.replay import Replayed, ReplayRun
 from mapcli.algorithms.slam.slam import Slam
 from mapcli.commands._log_options import LogInput
 from mapcli.commands._output import progress, progress_of_steps
 from mapcli.errors import DataError
 from mapcli.formats.logs.open_log import Log
+from mapcli.model.counting import counted
 from mapcli.model.pose import Pose2D
 
 
@@ -29,20 +32,31 @@ def replay_log(
         steps = run.track(log_input.records(log))
         for _ in progress(steps, log.name, log.scan_count, quiet=quiet):
             pass
-    except KeyboardInterrupt:
-        run.interrupted = True
+        if not run.poses:
+            raise DataError("no scan in the part asked for")
+        with progress_of_steps("closing loops", slam.submap_count, quiet=quiet) as report:
+            run.finalise(report)
+    except KeyboardInterrupt as stopped:
         if not run.poses:
             raise
+        _stop(run, stopped)
     except DataError as error:
         error.file = error.file or log.name
         raise
-    if not run.poses:
-        raise DataError("no scan in the part asked for", file=log.name)
-    with progress_of_steps("closing loops", slam.submap_count, quiet=quiet) as report:
-        run.finalise(report)
     replayed = run.result(log.damage)
     summary = replace(replayed.summary, seconds=time.perf_counter() - started)
     return replace(replayed, summary=summary), run
+
+
+def _stop(run: ReplayRun, stopped: KeyboardInterrupt) -> None:
+    """Say what is done after a signal, and take what is known."""
+    run.stopped_by = stopped
+    click.echo(
+        f"\nStopped after {counted(len(run.poses), 'scans')}: their map is written without loop "
+        "closure and refinement; once more ends at once.",
+        err=True,
+    )
+    run.stop()
 
 
 def effective_parameters(

@@ -160,8 +160,8 @@ def command(
             click.echo("Note: --similarity is for --search book and changes nothing.", err=True)
         say_notes(log, verbose=verbose)
         report(summary, replayed.map, outputs)
-    if run.interrupted:
-        raise KeyboardInterrupt
+    if run.stopped_by is not None:
+        raise run.stopped_by
     for limit in limits:
         limit.check(summary.numbers(), log.name)
 

@@ -89,8 +89,10 @@ def refit(
 def rebuild(
     trajectory: TrackedTrajectory, poses: list[Pose2D], map_: MapParameters
 ) -> OccupancyGrid:
-    """The map that the keyframes make at these poses; it has no likelihood field."""
+    """The map that the keyframes make at these poses; it has no likelihood field. Keyframes of
+    scans beyond the poses are left out."""
     grid = OccupancyGrid(map_)
     for keyframe in trajectory.keyframes:
-        grid.integrate(poses[keyframe.scan], keyframe.perception, update_field=False)
+        if keyframe.scan < len(poses):
+            grid.integrate(poses[keyframe.scan], keyframe.perception, update_field=False)
     return grid

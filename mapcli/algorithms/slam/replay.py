@@ -73,7 +73,7 @@ class ReplayRun:
         poses: as tracked so far.
         finalised: poses and map after loop closure and refinement; None if there was nothing to
             improve.
-        interrupted: to be set by who stopped it.
+        interrupted: it was stopped early; stopped_by: the signal, if it was one.
         kept: the scans whose numbers are in `keep`.
     """
 
@@ -82,6 +82,7 @@ class ReplayRun:
         self.poses: list[TracedPose] = []
         self.finalised: BackEndResult | None = None
         self.interrupted = False
+        self.stopped_by: KeyboardInterrupt | None = None
         self.kept: dict[int, RangeScan] = {}
         self._keep, self._scans_read = keep, 0
 
@@ -103,6 +104,11 @@ class ReplayRun:
     def finalise(self, progress: Callable[[int], None] = lambda submap: None) -> None:
         """Close loops and refine all poses; see `Slam.finalise`."""
         self.finalised = self.slam.finalise(progress)
+
+    def stop(self) -> None:
+        """After an interruption: take the poses as tracked, and the map that they make."""
+        self.interrupted = True
+        self.finalised = self.slam.unrefined(len(self.poses))
 
     def result(self, damage: Damage | None = None) -> Replayed:
         """Map, trace and summary.

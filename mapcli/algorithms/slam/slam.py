@@ -28,7 +28,7 @@ from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.local_map import LocalMap, LocalMapParameters
 from mapcli.algorithms.slam.loop_closure import LoopParameters
 from mapcli.algorithms.slam.map_parameters import MapParameters
-from mapcli.algorithms.slam.map_refinement import RefineParameters
+from mapcli.algorithms.slam.map_refinement import RefineParameters, rebuild
 from mapcli.algorithms.slam.match import MIN_POINTS, Match, MatchHistory, MatchParameters
 from mapcli.algorithms.slam.motion_model import DeadReckoning, MotionModel
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
@@ -198,3 +198,12 @@ class Slam:
         if p.loops is None or not self.trajectory.keyframes:
             return None
         return finalise(self.trajectory, p.map, p.loops, p.refine, progress)
+
+    def unrefined(self, scans: int) -> BackEndResult | None:
+        """The first `scans` poses as they were tracked, and the map of their keyframes: what
+        there is after an interruption. None without loop closure, where `map` is all of it."""
+        p, keyframes = self.parameters, self.trajectory.keyframes
+        if p.loops is None or not keyframes:
+            return None
+        poses = self.trajectory.poses[:scans]
+        return BackEndResult(poses, rebuild(self.trajectory, poses, p.map))
