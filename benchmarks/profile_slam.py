@@ -32,7 +32,7 @@ STAGES = {
     "updating": ("mapcli.algorithms.slam.local_map", "LocalMap.update"),
     "closing loops": ("mapcli.algorithms.slam.loop_closure", "LoopCloser.run"),
     "refining": ("mapcli.algorithms.slam.back_end", "refine"),
-    "rebuilding": ("mapcli.algorithms.slam.back_end", "rebuild"),
+    "rebuilding": ("mapcli.algorithms.slam.back_end", "map_from_keyframes"),
 }
 """Stage -> the module and the name by which it is called."""
 

@@ -17,7 +17,7 @@ from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopParameters
 from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.motion_model import MotionModel
-from mapcli.algorithms.slam.scan_points import thinned
+from mapcli.algorithms.slam.scan_points import voxel_filtered
 from mapcli.model.pose import IDENTITY
 from mapcli.model.scan import Odometry, RangeScan, Record
 
@@ -115,7 +115,7 @@ def trajectory_of(tracked: list[Pose2D], seen: list[Perception]) -> TrackedTraje
     """A trajectory of which every scan is a keyframe."""
     trajectory = TrackedTrajectory()
     for pose, perception in zip(tracked, seen, strict=True):
-        trajectory.add(pose, thinned(perception.hits, MAP.resolution))
+        trajectory.add(pose, voxel_filtered(perception.hits, MAP.resolution))
         trajectory.add_keyframe(perception, MATCH, ODOMETRY)
     return trajectory
 

@@ -34,7 +34,7 @@ def evaluate_relations(
     relations: Relations,
     odometry: Trajectory | None = None,
 ) -> Evaluation:
-    """What is left between measured relations and those between the trace's poses.
+    """Residuals between measured relations and those between the trace's poses.
 
     Args:
         odometry: with it, the pose between two of the trace's is the one before, composed with

@@ -27,7 +27,7 @@ from mapcli.algorithms.slam.match import MIN_POINTS, MatchParameters
 from mapcli.algorithms.slam.motion_model import OdometryUncertainty
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.scan_matcher import match_scan
-from mapcli.algorithms.slam.scan_points import thinned
+from mapcli.algorithms.slam.scan_points import voxel_filtered
 from mapcli.errors import DataError
 from mapcli.model.evaluation import Evaluation
 from mapcli.model.pose import Pose2D, interpolate
@@ -196,7 +196,7 @@ def align_scans(
     base: Perception, scan: Perception, guess: Pose2D, p: SelfCheckParameters
 ) -> Pose2D | None:
     """Scan-to-scan matching: the pose of `scan` in the frame of `base`; None if uncertain."""
-    points = thinned(scan.hits, MAP.resolution)
+    points = voxel_filtered(scan.hits, MAP.resolution)
     if len(points) < MIN_POINTS or len(base.hits) < MIN_POINTS:
         return None
     grid = OccupancyGrid(MAP)

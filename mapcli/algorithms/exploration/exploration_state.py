@@ -2,7 +2,7 @@
 
 Everything the loops of Algorithm 9.1 touch is a flat array, because the same functions run twice:
 as plain Python on small maps, where nothing heavy may be imported, and compiled by numba on large
-ones (`_kernels/grid_search.py`). A cell is an index into these arrays; the map has a border of
+ones (`_kernels/compiled_loops.py`). A cell is an index into these arrays; the map has a border of
 OUTSIDE cells one cell wide, so that every cell has eight neighbours:
 
     cell = (row + 1) * stride + column + 1,    stride = columns + 2
@@ -55,7 +55,8 @@ class ExplorationState(NamedTuple):
         known, grid: the same as far as it is known.
         frontier: 1 where the cell is a frontier cell (uint8).
         blocks: how many frontier cells each block of BLOCK x BLOCK cells has (int32).
-        inflated: known obstacles that a robot on the cell would touch (int32).
+        inflated: inflation of known obstacles by the robot's radius: how many of them a robot on
+            the cell would touch (int32).
         explorable: 1 where the cell counts for the coverage (uint8).
         disc_rows, disc_columns: offsets of the obstacles that a robot would touch (int32).
         moves: index offsets of the moves, straight ones first, each kind sorted (int64).
@@ -79,7 +80,7 @@ class ExplorationState(NamedTuple):
     counts: Cells
 
 
-def learn(state: ExplorationState, cell: int) -> bool:
+def mark_sensed_cell(state: ExplorationState, cell: int) -> bool:
     """Line 12: mark grid(cell) with what was sensed. True when that changed anything.
 
     The world wins over what was believed; a cell that the world does not know stays as it is.
@@ -104,7 +105,7 @@ def learn(state: ExplorationState, cell: int) -> bool:
 
 
 def inflate(state: ExplorationState, cell: int, count: int) -> None:
-    """An obstacle appeared (+1) or vanished (-1): the cells where a robot would touch it."""
+    """Inflation: an obstacle appeared (+1) or vanished (-1) that a robot on these cells touches."""
     row, column = cell // state.stride, cell % state.stride
     for k in range(len(state.disc_rows)):
         r, c = row + state.disc_rows[k], column + state.disc_columns[k]
@@ -147,7 +148,7 @@ def unflatten(state: ExplorationState, cells: Cells | Reals) -> NDArray[Any]:
     return padded[1:-1, 1:-1].copy()
 
 
-def kinds(cells: NDArray[np.float32], low: float, unknown: int) -> NDArray[np.uint8]:
+def classify_cells(cells: NDArray[np.float32], low: float, unknown: int) -> NDArray[np.uint8]:
     """OPEN, OBSTACLE or `unknown` of each cell. Compared as float32, in which cells are held:
     a cell of 0.7 is not below a `low` of 0.7."""
     kind = np.where(cells < np.float32(low), np.uint8(OPEN), np.uint8(OBSTACLE))

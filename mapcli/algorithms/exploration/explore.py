@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
-from mapcli.algorithms.exploration.exploration_state import OPEN, kinds
+from mapcli.algorithms.exploration.exploration_state import OPEN, classify_cells
 from mapcli.algorithms.exploration.runner import ExplorationRun
 from mapcli.errors import DataError
 from mapcli.model.exploration import Cell, Exploration
@@ -120,7 +120,7 @@ def check_robot(
             expected=f"a row from 0 to {grid.rows - 1}, a column from 0 to {grid.columns - 1}",
         )
     content = grid.cells[row, column]
-    if kinds(grid.cells[row : row + 1, column], low, 0)[0] != OPEN:
+    if classify_cells(grid.cells[row : row + 1, column], low, 0)[0] != OPEN:
         kind = "an unknown cell" if math.isnan(content) else f"an obstacle ({content:g})"
         raise error(
             f"{where} stands on {kind} of the {which}", expected=f"an open cell, below {low:g}"

@@ -25,7 +25,7 @@ from mapcli.algorithms.exploration.exploration_state import (
     UNKNOWABLE,
     ExplorationState,
     block_of,
-    learn,
+    mark_sensed_cell,
     unknown_neighbours,
 )
 from mapcli.algorithms.exploration.field_of_view import THROUGH_OPEN, FieldOfView, visible_cells
@@ -149,7 +149,7 @@ def sense(
     for k in range(visible_cells(state, fov, state.world, THROUGH_OPEN, robots.cell[robot])):
         cell = fov.seen[k]
         before = state.known[cell]
-        has_changed = learn(state, cell)
+        has_changed = mark_sensed_cell(state, cell)
         if has_changed:
             # A minus says that the cell stayed unknown.
             trace.sensed[free + sensed] = -cell if state.known[cell] == UNKNOWABLE else cell

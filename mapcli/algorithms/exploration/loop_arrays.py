@@ -15,8 +15,8 @@ from mapcli.algorithms.exploration.exploration_state import (
     UNKNOWN,
     ExplorationState,
     blocks_in,
+    classify_cells,
     flatten,
-    kinds,
     offsets_of_disc,
 )
 from mapcli.algorithms.exploration.trace_columns import (
@@ -54,9 +54,9 @@ def make_state(
         rows,
         columns,
         columns + 2,
-        world=flatten(kinds(world.cells, parameters.low, UNKNOWABLE), OUTSIDE),
+        world=flatten(classify_cells(world.cells, parameters.low, UNKNOWABLE), OUTSIDE),
         truth=flatten(world.cells, np.nan),
-        known=flatten(kinds(known.cells, parameters.low, UNKNOWN), OUTSIDE),
+        known=flatten(classify_cells(known.cells, parameters.low, UNKNOWN), OUTSIDE),
         grid=flatten(known.cells, np.nan),
         frontier=flatten(empty.astype(np.uint8), 0),
         blocks=np.zeros(blocks_in(rows + 2) * blocks_in(columns + 2), np.int32),

@@ -47,7 +47,7 @@ class Robots(NamedTuple):
         cell, origin: where it is, and where its last step ended.
         goal, kind: where it goes, or NOWHERE, and why.
         begin, at, end: its path in `Trace.paths` since its last step, and how far it has come.
-        bump: the cell that will turn out to be an obstacle, when the kind is BLOCKED.
+        collision: the cell that will turn out to be an obstacle, when the kind is BLOCKED.
         frontier, utility, moves: of the goal when it was chosen; `frontier` is the size of it.
     """
 

@@ -56,7 +56,7 @@ def similarity_of_counts(similarity: Similarity, counts: NDArray[np.int64]) -> F
         counts[..., p, m].astype(np.float64) for p, m in ((0, 0), (0, 1), (1, 0), (1, 1))
     )
     agree, differ = empty + obstacle, only_m + only_p
-    if similarity == "product":
+    if similarity == "product":  # S of Sect. 9.5, the sum of products: 1 where they agree, else -1
         return agree - differ
     if similarity == "agreement":
         return _share(agree, agree + differ)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopClosureResult, LoopParameters
 from mapcli.algorithms.slam.map_parameters import MapParameters
-from mapcli.algorithms.slam.map_refinement import RefineParameters, rebuild, refine
+from mapcli.algorithms.slam.map_refinement import RefineParameters, map_from_keyframes, refine
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.submaps import apply_corrections
 from mapcli.model.pose import Pose2D
@@ -56,7 +56,7 @@ def finalise(
     poses = refine(trajectory, poses, map_.resolution, refining)
     start = trajectory.poses[0].compose(poses[0].inverse())
     poses = [trajectory.poses[0], *(start.compose(pose) for pose in poses[1:])]
-    grid = rebuild(trajectory, poses, map_)
+    grid = map_from_keyframes(trajectory, poses, map_)
     return BackEndResult(poses, grid, loops_between_scans(trajectory, closed))
 
 

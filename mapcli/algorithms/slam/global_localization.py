@@ -17,7 +17,7 @@ from mapcli.algorithms.slam.correlative_search import PoseGrid, best_in_window
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
 from mapcli.algorithms.slam.match import MIN_OVERLAP, MIN_POINTS, Match, MatchParameters
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
-from mapcli.algorithms.slam.scan_points import thinned
+from mapcli.algorithms.slam.scan_points import voxel_filtered
 from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
 
@@ -44,12 +44,12 @@ def localize_globally(
         DataError: a map too large to be searched.
     """
     cell = grid.parameters.resolution
-    points = thinned(perception.hits, cell)
+    points = voxel_filtered(perception.hits, cell)
     if len(points) < MIN_POINTS:
         return Match(Pose2D(), 0.0, 0, found=False)
     middle, poses = _whole_map(grid, math.radians(parameters.step_theta_deg))
     _cover(grid, middle, poses, points)
-    searched = thinned(points, SEARCH_CELLS * cell) / cell
+    searched = voxel_filtered(points, SEARCH_CELLS * cell) / cell
     start = grid.pose_to_cells(middle)
     best = best_in_window(grid, searched, start, poses).cells(start, poses.turn_step)
     fit = grid.surfels.fit(points, grid.pose_from_cells(best))

@@ -24,9 +24,9 @@ from mapcli.model.se2_uncertainty import (
     covariance_from_information,
 )
 
-TRACKING = StandardDeviations(0.015, math.radians(0.15))
-"""Of a tracked pose after a metre, or after a turn of a radian, at best: errors of one fit are
-those of the next, so that tracking drifts by more than the information of single fits says."""
+TRACKING_NOISE = StandardDeviations(0.015, math.radians(0.15))
+"""Floor of the process noise of a tracked pose after a metre, or after a turn of a radian: errors
+of successive fits are correlated, so tracking drifts by more than single fits say."""
 
 SHORTEST_STEP = 0.01
 """Metres (plus radians) that a step counts at least in this, so that no covariance is singular."""
@@ -71,7 +71,7 @@ class TrackedTrajectory:
         self.poses.append(pose)
         self.points.append(points.astype(np.float32))
 
-    def amend(self, poses: Sequence[Pose2D]) -> None:
+    def correct_last_poses(self, poses: Sequence[Pose2D]) -> None:
         """The last scans were taken at these poses after all; keyframes among them move along."""
         first = len(self.poses) - len(poses)
         self.poses[first:] = poses
@@ -111,5 +111,5 @@ def step_covariance(
     way = math.hypot(motion.x, motion.y) + abs(motion.theta)
     information = odometry.uncertainty(motion).deviations.information()
     covariance = covariance_from_information(information if match is None else information + match)
-    floor: Covariance = max(way, SHORTEST_STEP) * TRACKING.covariance()
+    floor: Covariance = max(way, SHORTEST_STEP) * TRACKING_NOISE.covariance()
     return covariance + floor

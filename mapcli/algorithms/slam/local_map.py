@@ -3,8 +3,9 @@
 A map that never forgets is the book's. But after a long way round the robot comes back with an
 error; compared with walls from the first visit and from just now at once, scans would tear the
 map. So where loops are closed afterwards, the local map holds the last metres only, and old walls
-are met again by `loop_closure`. As in Cartographer there are up to two active submaps: the older
-one is matched with, the younger one is written to as well and takes over when the older is full.
+are met again by `loop_closure`. It is a sliding map of up to two grids, as Cartographer's active
+submaps: the older one is matched with, the younger one is written to as well and replaces it when
+the older has reached its length. (The submaps of `submaps` are pieces of trajectory instead.)
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ ROOM_M = 15.0
 
 @dataclass(frozen=True)
 class LocalMapParameters:
-    """When the local map is written to, and what it forgets.
+    """When the local map is updated, and how long a piece of trajectory it covers.
 
     Attributes:
         update_m, update_deg: the map is updated when the robot has moved or turned this far.
             Writing every scan lets the small errors of many poses smear the walls they are
             matched against, and a map that is smeared lets the next poses drift.
-        max_length_m: metres driven that the map remembers at most; None never forgets.
-        min_length_m, min_updates: metres driven, and updates, that it remembers at least.
+        max_length_m: metres driven that it covers at most; None is all of them.
+        min_length_m, min_updates: metres driven, and updates, that it covers at least.
         frozen: the map is not written to at all.
     """
 
@@ -47,11 +48,11 @@ class LocalMapParameters:
 class LocalMap:
     """The map being made (stateful: `update` changes it).
 
-    It forgets by giving way, after `max_length_m`, to the next active submap, which was begun
-    `min_length_m` before.
+    After `max_length_m` its grid is retired for the next one, which was begun `min_length_m`
+    before.
 
     Attributes:
-        grid: what scans are matched with, the older active submap.
+        grid: what scans are matched with, the older of the two.
     """
 
     def __init__(self, grid: OccupancyGrid, parameters: LocalMapParameters) -> None:

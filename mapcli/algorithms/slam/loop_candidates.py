@@ -30,9 +30,9 @@ MOST_CANDIDATES = 4
 WINDOW_SIGMAS = 3.0
 """Standard deviations of the graph that a window reaches to either side."""
 
-DRIFT = 0.005
-"""Metres of error for each metre along the path that the covariance does not know of: errors of
-matches in the same corridor are alike, and add up faster than independent ones."""
+CORRELATED_DRIFT = 0.005
+"""Metres of error for each metre along the path, beside the covariance: errors of matches in the
+same corridor are correlated, and add up faster than independent ones."""
 
 
 LEAST_WINDOW = SearchWindow(0.3, math.radians(2.0))
@@ -83,7 +83,7 @@ def search_window(path: GraphPath, widest_xy: float) -> SearchWindow:
     """Where a submap may be, as seen from the other end of a path: the deviations along it, in
     the most uncertain direction."""
     variance = largest_position_variance(path.covariance)
-    xy = WINDOW_SIGMAS * math.sqrt(variance + (DRIFT * path.metres) ** 2)
+    xy = WINDOW_SIGMAS * math.sqrt(variance + (CORRELATED_DRIFT * path.metres) ** 2)
     turn = WINDOW_SIGMAS * math.sqrt(float(path.covariance[2, 2]))
     return SearchWindow(
         min(LEAST_WINDOW.xy + xy, widest_xy), min(LEAST_WINDOW.theta + turn, WIDEST_TURN)

@@ -59,15 +59,15 @@ CONSISTENT_M_PER_M, CONSISTENT_DEG_PER_M = 0.01, 0.05
 """The same for each metre of trajectory between them: what tracking drifts by."""
 
 OPTIMISE_GATE = 1.0
-"""Mahalanobis distance (the root of a chi-square gate) at which a new loop contradicts the graph
-so much that it is optimised at once, from the loosest robust kernel on."""
+"""Mahalanobis distance of a new loop's residual at which the graph is optimised at once, from the
+loosest robust kernel on."""
 
 PENDING_SHARE = 0.05
 """The share of the loops that may wait as pending factors otherwise, lest the time grows with the
 square of their number."""
 
 PRUNE_GATE = 5.0
-"""Mahalanobis distance beyond which a loop is contradicted by the others in the end."""
+"""Mahalanobis distance of its residual beyond which a loop is an outlier after optimisation."""
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ class LoopCloser:
             self._pending_factors = 0
 
     def prune(self) -> None:
-        """Drop loops that the others contradict in the end."""
+        """Outlier rejection after optimisation: drop loops whose residual exceeds `PRUNE_GATE`."""
         wrong = [one for one in self.accepted if one.edge.error(self.graph.poses) > PRUNE_GATE]
         for one in wrong:
             self.graph.remove(one.edge)

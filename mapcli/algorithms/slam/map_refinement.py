@@ -86,7 +86,7 @@ def refit(
     return refitted
 
 
-def rebuild(
+def map_from_keyframes(
     trajectory: TrackedTrajectory, poses: list[Pose2D], map_: MapParameters
 ) -> OccupancyGrid:
     """The map that the keyframes make at these poses; it has no likelihood field. Keyframes of

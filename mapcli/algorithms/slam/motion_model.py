@@ -1,5 +1,5 @@
 """Lines 2 and 3 of Algorithm 9.2: how far the robot has moved by its odometry (dead reckoning), and
-how far off that may be (the odometry motion model)."""
+the odometry noise model: standard deviations per metre and per radian."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class DeadReckoning:
     Attributes:
         calibration: odometry's systematic errors, as far as they are known; None leaves it as it
             is counted.
-        jumps: steps in which the odometry leapt and was not believed.
+        jumps: steps that were rejected because no robot moves so fast.
     """
 
     def __init__(self, model: MotionModel | None = None, *, calibrate: bool = True) -> None:
@@ -90,7 +90,7 @@ class DeadReckoning:
         self.calibration = OdometryCalibration() if calibrate else None
         self.jumps = 0
         self._last: tuple[int, Pose2D | None] | None = None
-        self._counted: Pose2D | None = None
+        self._increment: Pose2D | None = None
 
     def motion(self, stamp_ns: int, odom: Pose2D | None) -> Pose2D | None:
         """What the robot did since the last scan, in its frame then; None if it cannot be told.
@@ -98,12 +98,13 @@ class DeadReckoning:
         Args:
             odom: the odometry's pose at the scan's stamp; None where it is silent.
         """
-        self._counted = counted = self._count(stamp_ns, odom)
-        if counted is None or self.calibration is None:
-            return counted
-        return self.calibration.correct(counted)
+        self._increment = raw = self._raw_increment(stamp_ns, odom)
+        if raw is None or self.calibration is None:
+            return raw
+        return self.calibration.correct(raw)
 
-    def _count(self, stamp_ns: int, odom: Pose2D | None) -> Pose2D | None:
+    def _raw_increment(self, stamp_ns: int, odom: Pose2D | None) -> Pose2D | None:
+        """The odometry's motion since the last scan; None where it is silent, or jumps."""
         last, self._last = self._last, (stamp_ns, odom)
         if last is None or last[1] is None or odom is None:
             return None
@@ -119,6 +120,6 @@ class DeadReckoning:
 
     def calibrate(self, found: Pose2D, information: InformationMatrix | None) -> None:
         """Compare the last motion with the one found in the map, see `OdometryCalibration`."""
-        if self.calibration and self._counted is not None and information is not None:
-            deviations = self.model.uncertainty(self._counted).deviations
-            self.calibration.update(self._counted, found, information, deviations)
+        if self.calibration and self._increment is not None and information is not None:
+            deviations = self.model.uncertainty(self._increment).deviations
+            self.calibration.update(self._increment, found, information, deviations)

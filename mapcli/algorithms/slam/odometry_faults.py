@@ -7,6 +7,10 @@ log-likelihood ratio of the two adds up from scan to scan until the active one m
 cumulative sum test, CUSUM, of Page 1954). Three things count: inertia, for no robot turns round
 between two scans; points of the scan in the map's free space; and how far the match must leave
 what was predicted. All are in nats, and a point in free space counts as one.
+
+Other failures of odometry are dealt with elsewhere: a jump, faster than any robot, is rejected by
+`motion_model.DeadReckoning`; a scan that fits nowhere near the prediction is relocalised by
+`scan_matcher`.
 """
 
 from __future__ import annotations
@@ -36,7 +40,7 @@ MOST_INERTIA_RATIO = 30.0
 """What inertia counts at most."""
 
 MOST_SCANS = 200
-"""After so many scans an alternative has had its chance: wheels fail for seconds."""
+"""Scans after which an alternative hypothesis expires: wheels fail for seconds."""
 
 SAME_SIGMAS = 2.0
 """Standard deviations of odometry within which two predictions say the same."""
@@ -57,7 +61,7 @@ UNKNOWN_WEIGHT = 0.5
 MEAN_WEIGHT = 0.05
 """The weight of the newest scan in the running mean of the share of known points."""
 
-CHANCE_SHARE = 0.6
+MIN_SCORE_SHARE = 0.6
 """The share of the running score below which an alternative fits the map no better than chance,
 and cannot become active."""
 
@@ -172,7 +176,7 @@ class OdometryFaults:
             self._known_share += MEAN_WEIGHT * (share - self._known_share)
         self._found_motion, self._step_before_s = before.between(best.pose), self._step_s
         self.past_poses = ()
-        selected = self._accept(matches, CHANCE_SHARE * history.running_score) or best
+        selected = self._accept(matches, MIN_SCORE_SHARE * history.running_score) or best
         self.faulty_scans += 0 if self.active == "odometry" else 1 + len(self.past_poses)
         return selected
 

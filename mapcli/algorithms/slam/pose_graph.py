@@ -1,4 +1,5 @@
-"""The pose graph of reference [3] of the chapter: poses, and measurements of one from another."""
+"""The pose graph (Grisetti et al. 2010, reference [3] of the chapter): poses, and measurements
+between them; optimised by GTSAM, with Levenberg-Marquardt and Cauchy's robust kernel on loops."""
 
 from __future__ import annotations
 

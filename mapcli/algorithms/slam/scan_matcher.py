@@ -11,9 +11,9 @@
 - `none`: the odometry's pose as it is.
 
 The score of `window` is how well the ends of the beams fit the likelihood field, less a prior for
-leaving the odometry's pose. The prior levels off: odometry that errs a little is believed against
-a map that hardly cares (a corridor), odometry that is plainly wrong costs no more than a fixed
-share of the score. Ends on unknown cells count nothing (Sect. 9.7: only where both overlap).
+leaving the odometry's pose. Where the likelihood is flat, along a corridor, the prior decides; it
+saturates, so that gross odometry errors cost no more than a fixed share of the score. Ends on
+unknown cells count nothing (Sect. 9.7: only where both overlap).
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ running score, and the pose next to the predicted one is taken that far below th
 FEW_POINTS = 40
 """A scan of fewer points says less than it seems to: the prior weighs as if it had that many."""
 
-SUSPICIOUS_SHARE, HOPELESS_SHARE = 0.9, 0.6
+RELOCALISE_BELOW, LOST_BELOW = 0.9, 0.6
 """Shares of the running score: below the first, odometry is suspected to have failed and the
 relocalisation window is searched; below the second the map has nothing like the scan, whose match
 then counts as not found."""
@@ -71,7 +71,8 @@ RELOCALISATION_GAIN, RELOCALISATION_GAIN_AT_ONCE = 0.1, 0.2
 second scan in a row: a single scan may fit a wrong place by chance."""
 
 RELOCALISATION_LEAP = 1.0
-"""Metres from the predicted pose beyond which even two scans in a row do not make it a match."""
+"""Metres from the predicted pose that a candidate which only has the smaller gain, for the second
+scan in a row, may lie at most."""
 
 
 def match_scan(
@@ -119,8 +120,8 @@ class _WindowMatcher:
         1. Refine the odometry's pose: where the scan then fits as well as those before, done.
         2. Search a part of the window, then all of it, and refine the best pose.
         3. Relocalise where the scan fits nowhere in the window: odometry seems to have failed.
-        4. Elsewhere prefer the pose of step 1, unless the map contradicts: along a wall the scan
-           fits best where it covers most of the map, which is where it was taken before.
+        4. Otherwise ties go to the pose of step 1: along a wall the score is biased to where the
+           scan overlaps the map most, which is where it was taken before.
         """
         p, window = self.parameters, self._window()
         self.scan.cover(self.predicted, window)
@@ -131,7 +132,7 @@ class _WindowMatcher:
             best = self._search(SearchWindow(share * window.xy, share * window.theta))
             if self._is_as_good(best, history):
                 break
-        if p.relocalise and best.score < SUSPICIOUS_SHARE * history.running_score:  # 3
+        if p.relocalise and best.score < RELOCALISE_BELOW * history.running_score:  # 3
             best = self._relocalise(best, history)
         elif p.refine and self._is_far(best.pose) and near.score >= best.score - SCORE_MARGIN:  # 4
             best = near
@@ -173,8 +174,8 @@ class _WindowMatcher:
 
     def _relocalise(self, best: Match, history: MatchHistory) -> Match:
         """Search a far wider window; `best` stays where nothing there is clearly better, since the
-        map may just be too young."""
-        low, metres = SUSPICIOUS_SHARE * history.running_score, self.uncertainty.metres
+        map may just not cover the area yet."""
+        low, metres = RELOCALISE_BELOW * history.running_score, self.uncertainty.metres
         xy = max(self._window().xy, RELOCALISATION_XY + RELOCALISATION_XY_PER_M * metres)
         wide = SearchWindow(xy, RELOCALISATION_TURN)
         self.scan.cover(self.predicted, wide)
@@ -186,7 +187,7 @@ class _WindowMatcher:
         again = again and self.predicted.distance(other.pose) <= RELOCALISATION_LEAP
         if candidate and (again or gain >= RELOCALISATION_GAIN_AT_ONCE):
             return replace(other, relocalisation_candidate=True)
-        found = best.found and best.score >= HOPELESS_SHARE * history.running_score
+        found = best.found and best.score >= LOST_BELOW * history.running_score
         return replace(best, found=found, relocalisation_candidate=candidate)
 
     def _is_trusted(self, match: Match, history: MatchHistory) -> bool:

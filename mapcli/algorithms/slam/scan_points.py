@@ -14,14 +14,14 @@ from mapcli.algorithms.slam._kernels.voxel_filter import first_of_each_cell
 from mapcli.model.pose import Pose2D
 
 
-def thinned(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
+def voxel_filtered(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:
     """One point per square of side `cell` (a voxel grid filter), so that near surfaces, which
     many beams hit, do not outvote far ones; points: shape (n, 2)."""
     return points[first_of_each_cell(points, cell)]
 
 
 class ScanPoints(NamedTuple):
-    """The hits of a scan, thinned, in the robot's frame.
+    """The hits of a scan, voxel_filtered, in the robot's frame.
 
     Attributes:
         metres, cells: shape (n, 2), the same points twice.
@@ -36,7 +36,7 @@ class ScanPoints(NamedTuple):
 @lru_cache(maxsize=1)
 def points_of(perception: Perception, cell: float) -> ScanPoints:
     """A scan's points; the last scan's are kept, since they are asked for again."""
-    points = thinned(perception.hits, cell)
+    points = voxel_filtered(perception.hits, cell)
     return ScanPoints(points, points / cell, radius_of(points))
 
 

@@ -28,7 +28,7 @@ from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.local_map import LocalMap, LocalMapParameters
 from mapcli.algorithms.slam.loop_closure import LoopParameters
 from mapcli.algorithms.slam.map_parameters import MapParameters
-from mapcli.algorithms.slam.map_refinement import RefineParameters, rebuild
+from mapcli.algorithms.slam.map_refinement import RefineParameters, map_from_keyframes
 from mapcli.algorithms.slam.match import MIN_POINTS, Match, MatchHistory, MatchParameters
 from mapcli.algorithms.slam.motion_model import DeadReckoning, MotionModel
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
@@ -178,7 +178,7 @@ class Slam:
         """Keep what is needed when the log has ended."""
         if self.parameters.loops is None:
             return
-        self.trajectory.amend(self.faults.past_poses)
+        self.trajectory.correct_last_poses(self.faults.past_poses)
         self.trajectory.add(pose, points_of(perception, self.parameters.map.resolution).metres)
         if in_map:
             self.trajectory.add_keyframe(perception, match.information, self.parameters.odometry)
@@ -206,4 +206,4 @@ class Slam:
         if p.loops is None or not keyframes:
             return None
         poses = self.trajectory.poses[:scans]
-        return BackEndResult(poses, rebuild(self.trajectory, poses, p.map))
+        return BackEndResult(poses, map_from_keyframes(self.trajectory, poses, p.map))

@@ -27,7 +27,7 @@ from mapcli.algorithms.slam.keyframes import Keyframe
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
 from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
-from mapcli.algorithms.slam.scan_points import thinned, window_box
+from mapcli.algorithms.slam.scan_points import voxel_filtered, window_box
 from mapcli.algorithms.slam.submaps import keyframes_around
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import (
@@ -127,7 +127,7 @@ class SubmapMatcher:
         far, wide = (poses.reach + max(LEVEL_WIDTHS)) * cell, (poses.turns + 1) * TURN_STEP
         grid = self.map_around(old, window_box(points, predicted, far, wide))
         start = grid.pose_to_cells(predicted)
-        cells = thinned(points, SEARCH_CELL) / cell
+        cells = voxel_filtered(points, SEARCH_CELL) / cell
         most = PRIOR_WEIGHT * FULL_SCORE * len(cells)
         prior = prediction_prior(most, deviations, cell, TURN_STEP)
         found = best_in_window(grid, cells, start, poses, prior)
@@ -149,7 +149,7 @@ class SubmapMatcher:
             at.between(self.keyframes[k].pose).apply(self._near_hits(k).hits)
             for k in self._chosen(origin, POINTS_M)
         ]
-        return thinned(np.concatenate(seen), POINT_CELL)
+        return voxel_filtered(np.concatenate(seen), POINT_CELL)
 
     def map_around(self, origin: int, room: NDArray[np.float64] | None = None) -> OccupancyGrid:
         """The map that was made around an origin, in its frame.
@@ -205,8 +205,8 @@ class SubmapMatcher:
         centre: NDArray[np.float64],
         reach: int,
     ) -> PositionCovariance:
-        """Covariance of the positions in a window, weighted by how they score at the best heading,
-        in the axes of the map.
+        """Second moments, about the best pose, of the positions in a window, weighted by how they
+        score at the best heading; in the axes of the map.
 
         Args:
             cells: points, shape (n, 2), in cells in the frame of the submap.

@@ -159,13 +159,13 @@ def weighted_information(
         surfels[at, INFORMATION_YY],
     )
     square = xx * ex * ex + 2 * xy * ex * ey + yy * ey * ey
-    root = root_of_weight(square, SQUARED_SCALE)
+    root = sqrt_robust_weight(square, SQUARED_SCALE)
     weight = root * root
     return weight * xx, weight * xy, weight * yy
 
 
 @kernel
-def root_of_weight(square: float, squared_scale: float) -> float:
+def sqrt_robust_weight(square: float, squared_scale: float) -> float:
     """The root of the robust weight of Geman and McClure, (s^2 / (s^2 + q))^2, of a squared
     deviation q: 1 for none, a quarter where q = s^2."""
     return squared_scale / (squared_scale + square)
@@ -175,15 +175,15 @@ def root_of_weight(square: float, squared_scale: float) -> float:
 def with_prediction(
     equations: NormalEquations, pose: Pose, prediction: Prediction
 ) -> NormalEquations:
-    """Add the pull of the prediction, position and heading each with a robust weight of its own.
+    """Add the prior factor of the predicted pose, position and heading each with a robust weight.
 
     Its residual is predicted - pose and its Jacobian the identity.
     """
     n, expected = equations, prediction.pose
     x, y, turn = expected.x - pose.x, expected.y - pose.y, expected.theta - pose.theta
     per_metre, per_radian = prediction.information_xy, prediction.information_theta
-    root_xy = root_of_weight(per_metre * (x * x + y * y), prediction.squared_scale)
-    root_turn = root_of_weight(per_radian * turn * turn, prediction.squared_scale)
+    root_xy = sqrt_robust_weight(per_metre * (x * x + y * y), prediction.squared_scale)
+    root_turn = sqrt_robust_weight(per_radian * turn * turn, prediction.squared_scale)
     xy, theta = per_metre * root_xy * root_xy, per_radian * root_turn * root_turn
     return NormalEquations(
         n.xx + xy, n.xy, n.xt, n.yy + xy, n.yt, n.tt + theta,

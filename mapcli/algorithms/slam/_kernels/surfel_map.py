@@ -21,8 +21,8 @@ from mapcli.algorithms.compiling import kernel
 from mapcli.algorithms.slam._kernels.sparse_grid import SparseGrid, Used, enter, is_within, slot_of
 
 MOST_ROUND = 0.15
-"""Points whose variance across is more than this share of that along are no line but a lump,
-which fixes a scan in both directions, if weakly."""
+"""Ratio of the smaller to the larger variance of points above which they are no line but a blob,
+which constrains a scan in both directions, if weakly."""
 FARTHEST_CORRESPONDENCE = 3
 """Cells from a point to the surfel that it may belong to."""
 WIDEST_NEIGHBOURHOOD = 5
