@@ -23,7 +23,16 @@ PICTURE = Path(__file__).with_name("architecture.png")
 APART = "formats", "algorithms"
 """Folders whose folders are rooms of their own."""
 
-SHARED_BY_ALL = "errors", "startup", "version", "cli", "__main__", "algorithms.compiling"
+SHARED_BY_ALL = (
+    "errors",
+    "startup",
+    "notices",
+    "version",
+    "cli",
+    "__main__",
+    "algorithms.compiling",
+    "algorithms.kernel_cache",
+)
 """Modules that belong to no room: all may import the first four and the last, nobody `cli`."""
 
 COLUMNS = {

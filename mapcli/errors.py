@@ -9,6 +9,20 @@ from __future__ import annotations
 from pathlib import Path
 
 
+def printable(text: str) -> str:
+    """Text on one line that a terminal shows and does not obey: what is not printable is escaped,
+    as in `\\x1b`; a byte of a file name that is no UTF-8 is shown as that byte."""
+    if text.isprintable():
+        return text
+    return "".join(sign if sign.isprintable() else _escaped(sign) for sign in text)
+
+
+def _escaped(sign: str) -> str:
+    if "\udc80" <= sign <= "\udcff":
+        return f"\\x{ord(sign) & 0xFF:02x}"
+    return sign.encode("unicode_escape").decode()
+
+
 class MapcliError(Exception):
     """Something in the data is wrong; becomes `Error: ...` and exit code 1.
 
@@ -34,10 +48,12 @@ class MapcliError(Exception):
         super().__init__(problem)
 
     def __str__(self) -> str:
-        place = "".join(f"{part}: " for part in (self.file, self.where) if part is not None)
+        place = "".join(
+            f"{printable(str(part))}: " for part in (self.file, self.where) if part is not None
+        )
         tail = f"; expected {self.expected}" if self.expected else ""
         # One line, whatever a foreign library put into the text.
-        return " ".join(f"{place}{self.problem}{tail}".split())
+        return place + printable(" ".join(f"{self.problem}{tail}".split()))
 
 
 class FormatError(MapcliError):

@@ -13,10 +13,11 @@ PACKAGE = Path(__file__).parent.parent / "mapcli"
 
 RULES = """
 errors ->
+notices ->
 startup ->
 version ->
 model -> errors
-algorithms -> startup
+algorithms -> startup notices
 algorithms.scans -> model
 algorithms.similarity -> algorithms.scans
 algorithms.slam -> algorithms.similarity
@@ -34,7 +35,7 @@ cli ->
 """
 """Room -> the rooms that it may import from; what these may import, it may too."""
 
-ALL_ALGORITHMS = "algorithms", "startup", "model"
+ALL_ALGORITHMS = "algorithms", "startup", "notices", "model"
 """Every room of `algorithms` may import how loops are compiled, and records."""
 
 HEAVY = {"numba", "scipy", "gtsam", "shapely", "rosbags", "mcap", "PIL", "yaml", "numpy"}

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import click
 
+from mapcli import notices
+from mapcli.commands._say import say
+from mapcli.formats.input import pipes_kept
 from mapcli.model.pose import Pose2D
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -80,6 +84,17 @@ class PoseType(NumberList):
 POSE = PoseType()
 
 
+def _prepare(ctx: click.Context, parameter: click.Parameter, quiet: bool) -> bool:
+    """Tell on stderr what algorithms have to say, unless -q. Read pipes as files."""
+    ctx.with_resource(pipes_kept())
+    waits = sys.stderr is not None and sys.stderr.isatty()
+    notices.listen(
+        note=None if quiet else lambda text: say(f"Note: {text}"),
+        progress=None if quiet or not waits else lambda text: say(f"Note: {text}"),
+    )
+    return quiet
+
+
 def common_options(command: Command) -> Command:
     """`-q`, `-v` and `--debug`, which every command has."""
     for option in (
@@ -87,7 +102,9 @@ def common_options(command: Command) -> Command:
             "--debug", is_flag=True, expose_value=False, help="Show the traceback of an error."
         ),
         click.option("-v", "--verbose", is_flag=True, help="Say more on stderr."),
-        click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors."),
+        click.option(
+            "-q", "--quiet", is_flag=True, callback=_prepare, help="Say nothing but errors."
+        ),
     ):
         command = option(command)
     return command

@@ -1,4 +1,7 @@
-"""What commands say on stderr about the files that they read."""
+"""The one place where commands print, on stdout and stderr.
+
+Names come from files, and files from anywhere: what a terminal would obey is shown as an escape.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,20 @@ from collections.abc import Iterable
 
 import click
 
+from mapcli.errors import printable
+
+
+def say(text: str, *, err: bool = True) -> None:
+    """A line."""
+    click.echo(printable(text), err=err)
+
+
+def say_lines(lines: Iterable[str], *, err: bool = True) -> None:
+    """Lines, in one go."""
+    click.echo("\n".join(printable(line) for line in lines), err=err)
+
 
 def warn(file: str, warnings: Iterable[str], *, quiet: bool = False) -> None:
     """A line for each warning about a file, unless -q."""
     for warning in () if quiet else warnings:
-        click.echo(f"Warning: {file}: {warning}", err=True)
+        say(f"Warning: {file}: {warning}")

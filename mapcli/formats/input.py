@@ -5,15 +5,22 @@ from __future__ import annotations
 import gzip
 import hashlib
 import sys
+import tempfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BufferedReader
 from pathlib import Path
+from typing import IO, cast
 
 from mapcli.errors import FormatError
 
 GZIP_MAGIC = b"\x1f\x8b"
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 """How files of these formats start."""
+
+SPOOLED_BYTES = 1 << 16
 
 ReadBytes = Callable[[Path], bytes]
 """Where the bytes of a path come from: `read_file`, or something that does more with them."""
@@ -26,9 +33,10 @@ def read_file(path: Path, expected: str = "a map file") -> bytes:
         FormatError: no such file, a directory, not readable.
     """
     if str(path) == "-":
-        return sys.stdin.buffer.read()
+        return standard_input().read()
     try:
-        return (path.expanduser() if path.parts[:1] == ("~",) else path).read_bytes()
+        path = path.expanduser() if path.parts[:1] == ("~",) else path
+        return reopenable(path).path.read_bytes()
     except IsADirectoryError as error:
         raise FormatError("is a directory", file=path, expected=expected) from error
     except FileNotFoundError as error:
@@ -36,6 +44,70 @@ def read_file(path: Path, expected: str = "a map file") -> bytes:
     except (OSError, ValueError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise FormatError(f"cannot be read: {reason.lower()}", file=path) from error
+
+
+def standard_input() -> BufferedReader:
+    """The bytes of standard input.
+
+    Raises:
+        FormatError: it is closed.
+    """
+    if sys.stdin is None:
+        raise FormatError("standard input is closed", file="-")
+    return cast(BufferedReader, sys.stdin.buffer)
+
+
+@dataclass(frozen=True)
+class Reopenable:
+    """A file that can be read more than once, and from any place.
+
+    Attributes:
+        path: where its bytes are.
+        keeps: the temporary file of a pipe, which is deleted with the last reference to it.
+    """
+
+    path: Path
+    keeps: object = None
+
+
+_kept: dict[str, Reopenable] | None = None
+"""The pipes that the running command has read, by name."""
+
+
+@contextmanager
+def pipes_kept() -> Iterator[None]:
+    """Meanwhile, a pipe (`<(zcat robot.log.gz)`) may be read as often as a file."""
+    global _kept
+    before, _kept = _kept, {}
+    try:
+        yield
+    finally:
+        _kept = before
+
+
+def reopenable(path: Path) -> Reopenable:
+    """A file as it is; of a pipe, which gives its bytes once and in order, a copy.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    kept = {} if _kept is None else _kept
+    if str(path) in kept:
+        return kept[str(path)]
+    if not path.is_fifo():
+        return Reopenable(path)
+    with path.open("rb") as pipe:
+        kept[str(path)] = spooled(iter(lambda: pipe.read(SPOOLED_BYTES), b""))
+    return kept[str(path)]
+
+
+def spooled(blocks: Iterable[bytes]) -> Reopenable:
+    """Bytes in a temporary file."""
+    file: IO[bytes] = tempfile.NamedTemporaryFile(prefix="mapcli-")  # noqa: SIM115 (lives on)
+    for block in blocks:
+        file.write(block)
+    file.flush()
+    return Reopenable(Path(file.name), file)
 
 
 def sha256_of(data: bytes) -> str:

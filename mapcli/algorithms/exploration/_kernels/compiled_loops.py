@@ -7,7 +7,6 @@ for large maps. Nothing is written twice, and a test compares the two.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -52,7 +51,7 @@ CALLED_FROM_PYTHON = (
 )
 """The others need no way in from Python, which would take as long to compile as they do."""
 
-OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
 """Nothing here allocates. Without `_nrt=False` numba counts the references to every array of every
 tuple at every call, which takes ten times as long as the work itself."""
 
@@ -68,9 +67,9 @@ def compiled(function: Function) -> Function:
 
 @cache
 def _twins() -> dict[Callable[..., Any], Callable[..., Any]]:
-    from mapcli.algorithms.compiling import njit
+    from mapcli.algorithms import compiling
 
-    version = _version()
+    sources = [Path(__file__), *(Path(str(module.__file__)) for module in MODULES)]
     twins: dict[Callable[..., Any], Callable[..., Any]] = {}
     for module in MODULES:
         # The twins call each other: they live in a copy of their module's names in which
@@ -81,20 +80,12 @@ def _twins() -> dict[Callable[..., Any], Callable[..., Any]]:
                 names[name] = twins[value]
         for function in _functions(module):
             twin = FunctionType(function.__code__, names, function.__name__)
-            # numba names its cache after the function and does not see that a callee in another
-            # file has changed; the version in the name makes it look afresh.
-            twin.__qualname__ = f"{function.__name__}_{version}"
             inner = {} if function in CALLED_FROM_PYTHON else INNER
-            names[function.__name__] = twins[function] = njit(**OPTIONS, **inner)(twin)
+            compiled_twin = compiling.compiled(twin, {**OPTIONS, **inner}, sources)
+            names[function.__name__] = twins[function] = compiled_twin
     return twins
 
 
 def _functions(module: ModuleType) -> list[FunctionType]:
     own = [value for value in vars(module).values() if isinstance(value, FunctionType)]
     return [function for function in own if function.__module__ == module.__name__]
-
-
-def _version() -> str:
-    files = [__file__, *(str(module.__file__) for module in MODULES)]
-    texts = b"".join(Path(file).read_bytes() for file in files)
-    return hashlib.sha256(texts).hexdigest()[:8]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.compiling import njit
+from mapcli.algorithms.compiling import allocating_kernel
 
 if TYPE_CHECKING:
     from mapcli.algorithms.similarity.ternary_map import Runs
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Ints = NDArray[np.int64]
 
 
-@njit(cache=True)
+@allocating_kernel
 def find_runs(values: NDArray[np.int8]) -> Ints:
     """`ternary_map.find_runs`, compiled."""
     rows, columns = values.shape
@@ -39,7 +39,7 @@ def find_runs(values: NDArray[np.int8]) -> Ints:
     return found[:n]
 
 
-@njit(cache=True)
+@allocating_kernel
 def count_pairs(sums: Ints, runs: Runs, offsets: Ints) -> Ints:
     """Compare the runs of a perception map with a map at each offset; see
     `TernaryMap.pair_counts`.

@@ -10,12 +10,12 @@ from math import ceil, floor, inf
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.compiling import njit
+from mapcli.algorithms.compiling import allocating_kernel
 
 Floats = NDArray[np.float64]
 
 
-@njit(cache=True)
+@allocating_kernel
 def accumulate(path: Floats, left: int, bottom: int, area: Floats) -> None:
     """Add to `area` what `perception_map.covered_area` sums up along the rows.
 
@@ -45,7 +45,7 @@ def accumulate(path: Floats, left: int, bottom: int, area: Floats) -> None:
             t = end
 
 
-@njit(cache=True)
+@allocating_kernel
 def add_piece(area: Floats, u: float, v: float, rise: float) -> None:
     """One piece of an edge within a cell, with its middle at (u, v)."""
     rows, columns = area.shape[0], area.shape[1] - 2
@@ -59,7 +59,7 @@ def add_piece(area: Floats, u: float, v: float, rise: float) -> None:
     area[row, column + 1] -= part
 
 
-@njit(cache=True)
+@allocating_kernel
 def draw_perception_map(
     face: Floats, back: Floats, left: int, bottom: int, rows: int, columns: int, exact: float
 ) -> NDArray[np.int8]:

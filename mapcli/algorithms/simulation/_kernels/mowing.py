@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.compiling import njit
+from mapcli.algorithms.compiling import allocating_kernel
 
 Floats = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ class RunRecord(NamedTuple):
     seen: NDArray[np.int64]
 
 
-@njit(cache=True)
+@allocating_kernel
 def mow_once(
     lawn: Lawn, step: Step, wheels: WheelErrors, assumed_noise: Floats, normals: Floats,
     record: RunRecord,
@@ -107,7 +107,7 @@ def mow_once(
     return len(normals)
 
 
-@njit(cache=True)
+@allocating_kernel
 def steer(pose: Floats, goal: Floats, step: Step) -> tuple[float, float, bool]:
     """Metres and radians towards a point within one step, and whether that reaches it."""
     left = hypot(goal[0] - pose[0], goal[1] - pose[1])
@@ -119,7 +119,7 @@ def steer(pose: Floats, goal: Floats, step: Step) -> tuple[float, float, bool]:
     return (min(left, step.metres) if rolls else 0.0), turn, rolls and left <= step.metres
 
 
-@njit(cache=True)
+@allocating_kernel
 def move_pose(pose: Floats, distance: float, turn: float) -> None:
     """Move a pose along a chord, half the turn before it, in place."""
     heading = pose[2] + turn / 2
@@ -128,7 +128,7 @@ def move_pose(pose: Floats, distance: float, turn: float) -> None:
     pose[2] += turn
 
 
-@njit(cache=True)
+@allocating_kernel
 def odometry_sigmas(distance: float, turn: float, noise: Floats) -> tuple[float, float]:
     """Standard deviations of the distance and of the turn that wheels measure (`WheelModel`)."""
     distance, turn = abs(distance), abs(turn)
@@ -138,7 +138,7 @@ def odometry_sigmas(distance: float, turn: float, noise: Floats) -> tuple[float,
     )
 
 
-@njit(cache=True)
+@allocating_kernel
 def true_motion(
     distance: float, turn: float, wheels: WheelErrors, normals: Floats
 ) -> tuple[float, float]:
@@ -150,7 +150,7 @@ def true_motion(
     return really, turned / wheels.turn_scale
 
 
-@njit(cache=True)
+@allocating_kernel
 def predict_covariance(
     covariance: Floats, heading: float, distance: float, turn: float, noise: Floats
 ) -> None:
@@ -167,7 +167,7 @@ def predict_covariance(
     covariance[2, 2] += turn_sigma**2
 
 
-@njit(cache=True)
+@allocating_kernel
 def mark_under(pose: Floats, marks: Floats, size: float) -> int:
     """The mark that the robot's middle is over, or -1."""
     for k in range(len(marks)):
@@ -176,7 +176,7 @@ def mark_under(pose: Floats, marks: Floats, size: float) -> int:
     return -1
 
 
-@njit(cache=True)
+@allocating_kernel
 def correct(estimate: Floats, covariance: Floats, mark: Floats, size: float, step: float) -> None:
     """The correction by a mark that came under the floor sensor, in place.
 
@@ -197,7 +197,7 @@ def correct(estimate: Floats, covariance: Floats, mark: Floats, size: float, ste
         truncate_axis(estimate, covariance, axis, low, high)
 
 
-@njit(cache=True)
+@allocating_kernel
 def truncate_axis(estimate: Floats, covariance: Floats, axis: int, low: float, high: float) -> None:
     """Condition estimate and covariance on a coordinate between two bounds, in place."""
     variance = covariance[axis, axis]
@@ -209,7 +209,7 @@ def truncate_axis(estimate: Floats, covariance: Floats, axis: int, low: float, h
     covariance -= np.outer(gain, gain) * (variance * (1 - share))
 
 
-@njit(cache=True)
+@allocating_kernel
 def truncated_gaussian(mean: float, sigma: float, low: float, high: float) -> tuple[float, float]:
     """Mean of a Gaussian truncated at two bounds, and the share of its variance that is left."""
     a, b = (low - mean) / sigma, (high - mean) / sigma
