@@ -10,6 +10,8 @@ from mapcli import startup
 def run() -> NoReturn:
     """Run the command line. A signal at any moment ends it without a traceback."""
     startup.end_on_signals()
+    startup.guard_streams()
+    startup.hide_warnings()
     startup.keep_blas_single_threaded()
     from mapcli.cli import main
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import click
 
 from mapcli import startup
-from mapcli.errors import MapcliError, QualityError
+from mapcli.errors import MapcliError, QualityError, printable
 from mapcli.version import __version__
 
 COMMANDS = {
@@ -97,9 +97,12 @@ def main(args: Sequence[str] | None = None) -> None:
     debug, stdout = "--debug" in arguments, sys.stdout
     try:
         status = cli.main(arguments, prog_name="mapcli", standalone_mode=False)
-        sys.stdout.flush()
+        if sys.stdout is not None:  # closed, as by `>&-`
+            sys.stdout.flush()
         sys.exit(status if isinstance(status, int) else 0)
     except click.ClickException as error:
+        message = "\n".join(map(printable, error.message.split("\n")))
+        error.message = message  # type: ignore[misc]
         error.show()
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt) as stopped:
@@ -137,7 +140,9 @@ def describe(error: BaseException) -> str:
     """One line for a person, without a traceback."""
     if isinstance(error, OSError) and error.strerror:
         place = f"{error.filename}: " if error.filename else ""
-        return f"{place}{error.strerror.lower()}"
+        return printable(f"{place}{error.strerror.lower()}")
     if isinstance(error, MemoryError):
         return f"out of memory{f': {error}' if str(error) else ''}"
-    return " ".join(str(error).split())
+    if isinstance(error, MapcliError):
+        return str(error)
+    return printable(" ".join(str(error).split()))

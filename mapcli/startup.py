@@ -10,9 +10,11 @@ import atexit
 import contextlib
 import gc
 import importlib
+import io
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Iterator
 from types import FrameType, ModuleType
 from typing import NoReturn
@@ -87,11 +89,39 @@ def import_numba_without_scipy() -> None:
         import numba.np.arraymath  # noqa: F401
 
 
+def guard_streams() -> None:
+    """Have no file take the number of a standard stream that was closed (`>&-`), and have no text
+    fail for want of an encoding.
+
+    A closed stdout stays None: reports go nowhere, as click prints them, and `-` is an error.
+    """
+    for descriptor, stream in enumerate((sys.stdin, sys.stdout, sys.stderr)):
+        if stream is None:
+            with contextlib.suppress(OSError):
+                os.fstat(descriptor)
+                continue  # open after all, as under pythonw
+            # Takes the lowest number that is free: this one. What is written to /dev/stdout fails.
+            os.open(os.devnull, os.O_RDONLY if descriptor < 2 else os.O_WRONLY)
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115 (lives on)
+    for text in (sys.stdout, sys.stderr):
+        if isinstance(text, io.TextIOWrapper):
+            text.reconfigure(errors="backslashreplace")
+
+
+def hide_warnings() -> None:
+    """Have no library warn on stderr, unless asked for by `python -W`: such warnings are for
+    programmers; what a user must know, mapcli says itself."""
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+
+
 def leave(status: int) -> NoReturn:
     """End the process after its exit handlers, but without freeing the compiler's many objects:
     the system does that by itself. Saves 35 ms."""
     atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):  # closed, or nobody reads it any more
-            stream.flush()
+            if stream is not None:
+                stream.flush()
     os._exit(status)

@@ -17,7 +17,7 @@ from mapcli.commands._say import warn
 from mapcli.errors import MapcliError
 from mapcli.formats.documents.pose_trace import torn_files
 from mapcli.formats.documents.relations import is_relations
-from mapcli.formats.input import sha256_of
+from mapcli.formats.input import read_file, sha256_of
 from mapcli.formats.logs.open_log import Log
 from mapcli.model.counting import counted
 from mapcli.model.evaluation import Evaluation, Kind
@@ -88,7 +88,7 @@ class EvaluateRun:
         name = str(self.files.reference)
         if self.files.kind == "relations":
             relations = load_relations(name)
-            self.digests[Path(name).name] = sha256_of(Path(name).read_bytes())
+            self.digests[Path(name).name] = sha256_of(read_file(Path(name)))
             self.against = f"{name}: {counted(len(relations), 'relations')}"
             return relations
         truth = self._load(name, self.topic)

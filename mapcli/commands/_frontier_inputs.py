@@ -10,7 +10,7 @@ import click
 
 from mapcli import load_map
 from mapcli.algorithms.exploration.explore import contradictions
-from mapcli.commands._say import warn
+from mapcli.commands._say import say, warn
 from mapcli.errors import DataError
 from mapcli.formats.input import read_file, sha256_of
 from mapcli.formats.maps.dialects import Dialect
@@ -101,15 +101,13 @@ def warn_about_known(mission: Mission, low: float) -> None:
     known = mission.known_source
     wrong = contradictions(mission.world, mission.known, low)
     if wrong:
-        click.echo(
+        say(
             f"Warning: {known}: {counted(wrong, 'cells')} at odds with {mission.source} (open "
             "against obstacle); where they are sensed, the latter wins",
-            err=True,
         )
     place, told = (mission.world.resolution, mission.world.origin), mission.known
     if (told.resolution, told.origin) != place:
-        click.echo(
+        say(
             f"Warning: {known}: has another resolution or origin than {mission.source}, whose "
             "cells it is taken to be",
-            err=True,
         )

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import click
 
 from mapcli.commands._options import NOT_NEGATIVE, POSE
-from mapcli.commands._say import warn
+from mapcli.commands._say import say, warn
 from mapcli.formats.logs.open_log import Log, open_log
 from mapcli.model.log import LogOptions, select
 from mapcli.model.pose import Pose2D
@@ -140,7 +140,7 @@ def log_input_options(command: Command) -> Command:
 def say_notes(log: Log, *, verbose: bool = False) -> None:
     """Tell on stderr how a log was understood and what was wrong with it."""
     if verbose:
-        click.echo(f"Scans from {log.scan_topic}, odometry from {log.odom_topic}.", err=True)
+        say(f"Scans from {log.scan_topic}, odometry from {log.odom_topic}.")
     for text in log.notes:
-        click.echo(f"Note: {text}", err=True)
+        say(f"Note: {text}")
     warn(log.name, log.damage.lines())

@@ -22,7 +22,7 @@ STILL_M, STILL_DEG, STILL_RECORDS = 0.01, 1.0, 10
 """A robot that moves and turns less over so many records of odometry stands."""
 
 
-def log_report(file: str, *, verbose: bool = False) -> tuple[str, dict[str, Any]]:
+def log_report(file: str, *, verbose: bool = False) -> tuple[list[str], dict[str, Any]]:
     """What to print about a log, and the same as a document.
 
     Args:
@@ -33,8 +33,8 @@ def log_report(file: str, *, verbose: bool = False) -> tuple[str, dict[str, Any]
     """
     log = open_log([file], LogOptions())
     content = describe(log)
-    text = "\n".join([f"{file}: log", *_lines(content, verbose)])
-    return text, document("mapcli.log-info", log.digests(), {}, content)
+    lines = [f"{file}: log", *_lines(content, verbose)]
+    return lines, document("mapcli.log-info", log.digests(), {}, content)
 
 
 def describe(log: Log) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from mapcli.formats.maps.load import LoadedMap, load_map
 from mapcli.model.grid import OCCUPIED_THRESHOLD
 
 
-def map_report(file: str, dialect: Dialect, at: Points = ()) -> tuple[str, dict[str, Any]]:
+def map_report(file: str, dialect: Dialect, at: Points = ()) -> tuple[list[str], dict[str, Any]]:
     """What to print about a map, and the same as a document."""
     read = DigestingReader()
     loaded = load_map(file, dialect=dialect, read=read, lenient=True)
@@ -24,10 +24,9 @@ def map_report(file: str, dialect: Dialect, at: Points = ()) -> tuple[str, dict[
     content["warnings"] += _of_another_run(loaded)
     queries = [cell_at(loaded.grid, point) for point in at]
     lines = [f"{file}: map, {loaded.format}", *_lines(content), *map(cell_line, queries)]
-    text = "\n".join(lines)
     content |= {"at": queries} if at else {}
     parameters = {"dialect": dialect, "occupied_from": OCCUPIED_THRESHOLD}
-    return text, document("mapcli.map-info", read.digests, parameters, content)
+    return lines, document("mapcli.map-info", read.digests, parameters, content)
 
 
 def _of_another_run(loaded: LoadedMap) -> list[str]:

@@ -11,6 +11,7 @@ import click
 from mapcli.algorithms.simulation.sensors import WheelModel
 from mapcli.commands._options import FILE, POSITIVE, Command
 from mapcli.commands._output import check_outputs, progress
+from mapcli.commands._say import say_lines
 from mapcli.errors import DataError
 from mapcli.formats.input import sha256_of
 from mapcli.formats.output import write_bytes
@@ -71,8 +72,7 @@ def mow_lawn(
     digest = sha256_of(loaded.data)
     _write(plan, mowings, out, wheels, given, {Path(world).name: digest})
     if not quiet:
-        for line in report_lines(plan, mowings):
-            click.echo(line, err="-" in outputs)
+        say_lines(report_lines(plan, mowings), err="-" in outputs)
 
 
 def _mow_all(

@@ -12,6 +12,7 @@ import click
 
 from mapcli.algorithms.slam.replay import Replayed
 from mapcli.commands._output import check_outputs
+from mapcli.commands._say import say
 from mapcli.formats.documents.trajectory_text import WRITERS, dump_trajectory
 from mapcli.formats.maps.save import SUFFIXES, Pieces, SaveOptions, map_files
 from mapcli.formats.output import output_set
@@ -190,7 +191,7 @@ def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> Non
         ("written", _listed(outputs.names())),
     )
     for label, text in rows:
-        click.echo(f"{label:>13}  {text}", err=True)
+        say(f"{label:>13}  {text}")
 
 
 def _times(number: float) -> str:

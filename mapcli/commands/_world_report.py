@@ -28,7 +28,7 @@ def looks_continuous(start: bytes) -> bool:
     return bool(_OBJECTS.search(start)) and not _GRID.search(start)
 
 
-def world_report(file: str, at: Points) -> tuple[str, dict[str, Any]]:
+def world_report(file: str, at: Points) -> tuple[list[str], dict[str, Any]]:
     """What to print about a continuous map, and the same as a document."""
     loaded = load_world(file)
     world = loaded.world
@@ -45,7 +45,7 @@ def world_report(file: str, at: Points) -> tuple[str, dict[str, Any]]:
         "at": [_objects_at(world, point, loaded.y_down, file) for point in at],
     }
     digest = {Path(file).name: sha256_of(loaded.data)}
-    return "\n".join(_lines(file, content)), document("mapcli.map-info", digest, {}, content)
+    return _lines(file, content), document("mapcli.map-info", digest, {}, content)
 
 
 def _bounds(world: World, y_down: bool) -> list[float] | None:

@@ -18,7 +18,7 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import check_outputs
-from mapcli.commands._say import warn
+from mapcli.commands._say import say, warn
 from mapcli.formats.output import write_bytes
 from mapcli.model.comparison import LIMIT_FIELDS, STATES, Comparison
 from mapcli.model.grid import OCCUPIED_THRESHOLD
@@ -88,7 +88,7 @@ def command(
         for file, loaded in zip((a, b), maps, strict=True):
             warn(file, loaded.warnings)
         for name, text in _lines(comparison):
-            click.echo(f"{name:>13}  {text}", err="-" in outputs)
+            say(f"{name:>13}  {text}", err="-" in outputs)
     for limit in limits:
         limit.check(comparison.limits(), f"{a}, {b}")
 

@@ -8,7 +8,7 @@ import click
 
 from mapcli.commands._map_output import DEFAULTS, loss_notes, save_options, write_map
 from mapcli.commands._options import FILE, POSE, Number, common_options, no_clobber_option
-from mapcli.commands._say import warn
+from mapcli.commands._say import say, warn
 from mapcli.formats.maps.dialects import DIALECTS
 from mapcli.formats.maps.map_image import MODES
 from mapcli.formats.maps.save import FORMATS, TRINARY_THRESHOLDS, WHOLE_SCALE
@@ -106,6 +106,6 @@ def command(
     if not quiet:
         warn(source, loaded.warnings)
         for note in loss_notes(grid, target, options):
-            click.echo(f"Note: {target}: {note}", err=True)
+            say(f"Note: {target}: {note}")
     if verbose:
-        click.echo(f"{', '.join(names)}: {grid.rows} rows, {grid.columns} columns", err=True)
+        say(f"{', '.join(names)}: {grid.rows} rows, {grid.columns} columns")

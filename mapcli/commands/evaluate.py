@@ -22,6 +22,7 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import check_outputs
+from mapcli.commands._say import say_lines
 from mapcli.formats.output import write_bytes
 from mapcli.model.evaluation import all_limit_fields, limit_fields
 from mapcli.model.summary import Limit
@@ -107,7 +108,7 @@ def command(
     evaluation = run.evaluate()
     if not quiet:
         lines = report_lines(evaluation, files.trace, run.against, parameters)
-        click.echo("\n".join(lines), err="-" in outputs)
+        say_lines(lines, err="-" in outputs)
     if json_file is not None:
         from mapcli.formats.documents.evaluation import evaluation_document
         from mapcli.formats.documents.json_document import json_bytes

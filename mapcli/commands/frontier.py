@@ -38,6 +38,7 @@ from mapcli.commands._options import (
     common_options,
     no_clobber_option,
 )
+from mapcli.commands._say import say, say_lines
 from mapcli.errors import DataError
 from mapcli.model.exploration import Exploration
 from mapcli.model.grid import GridMap
@@ -117,7 +118,7 @@ def command(
     if not quiet:
         _say(runs, outputs, plan=plan)
     for name in written if verbose else ():
-        click.echo(f"written: {name}", err=True)
+        say(f"written: {name}")
 
 
 def explored(
@@ -168,8 +169,8 @@ def _say(runs: Runs, outputs: ExploreOutputs, *, plan: bool) -> None:
             lines = [f"strategy: {parameters.strategy}", *plan_lines(exploration)]
         else:
             lines = summary_lines(exploration, parameters.strategy)
-        if not outputs.named() and sys.stdout.isatty():
+        if not outputs.named() and sys.stdout is not None and sys.stdout.isatty():
             lines += ["", *map_text(exploration, parameters.low, terminal_width())]
-        click.echo("\n".join([*lines, ""] if len(runs) > 1 else lines), err=to_stderr)
+        say_lines([*lines, ""] if len(runs) > 1 else lines, err=to_stderr)
     if len(runs) > 1 and not plan:
-        click.echo("\n".join(comparison_lines(runs)), err=to_stderr)
+        say_lines(comparison_lines(runs), err=to_stderr)

@@ -11,6 +11,7 @@ from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._options import FILE, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs, progress
 from mapcli.errors import DataError
+from mapcli.commands._say import say
 from mapcli.model.counting import counted
 from mapcli.model.scan import Odometry, RangeScan, Record
 
@@ -81,4 +82,4 @@ def command(
     save_log(progress(records, log.name, log.record_count, quiet=quiet), out, no_clobber=no_clobber)
     if not quiet:
         say_notes(log, verbose=verbose)
-        click.echo(f"{out}: {tally.text()}", err=True)
+        say(f"{out}: {tally.text()}")

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import sys
-from io import BufferedReader
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import click
 
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, POINT, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs
+from mapcli.commands._say import say_lines
+from mapcli.formats.input import reopenable, standard_input
 from mapcli.formats.output import write_bytes
 
 LOG_SUFFIXES = (".mcap", ".log", ".clf", ".gz", ".bag", ".db3")
@@ -47,7 +47,8 @@ def command(
     check_outputs(outputs, files, "files", no_clobber=no_clobber)
     reports = [_report(file, dialect, at, verbose=verbose) for file in files]
     if not quiet and json_file != "-":
-        click.echo("\n\n".join(text for text, _ in reports))
+        for number, (lines, _) in enumerate(reports):
+            say_lines(["", *lines] if number else lines, err=False)
     if json_file is not None:
         from mapcli.formats.documents.json_document import json_bytes
 
@@ -58,7 +59,7 @@ def command(
 
 def _report(
     file: str, dialect: Any, at: tuple[tuple[float, float], ...], *, verbose: bool
-) -> tuple[str, dict[str, Any]]:
+) -> tuple[list[str], dict[str, Any]]:
     """What to print about a file, and the same as a document."""
     if _is_log(file):
         if at:
@@ -102,9 +103,9 @@ def _is_log(file: str) -> bool:
 def _first_bytes(file: str) -> bytes:
     if file == "-":
         # Looked at, not taken: the reader that is chosen reads from the first byte on.
-        return cast(BufferedReader, sys.stdin.buffer).peek(1)
+        return standard_input().peek(1)
     try:
-        with Path(file).open("rb") as opened:
+        with reopenable(Path(file)).path.open("rb") as opened:
             return opened.read(1 << 16)
     except OSError:
         return b""  # the map reader says what is wrong

@@ -23,7 +23,7 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import check_outputs
-from mapcli.commands._say import warn
+from mapcli.commands._say import say, warn
 from mapcli.errors import DataError
 from mapcli.formats.documents.perception_writer import SUFFIXES, Writable, dump_perception
 from mapcli.formats.output import write_bytes
@@ -136,7 +136,7 @@ def command(
         Path(out).parent.mkdir(parents=True, exist_ok=True)
     write_bytes(out, data, no_clobber=no_clobber)
     if not quiet:
-        click.echo(said, err=True)
+        say(said)
 
 
 def _world(source: str, dialect: Any, *, quiet: bool) -> World | GridMap:

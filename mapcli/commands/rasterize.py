@@ -16,6 +16,7 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import check_outputs
+from mapcli.commands._say import say
 from mapcli.errors import DataError
 from mapcli.formats.input import sha256_of
 from mapcli.formats.maps.save import SUFFIXES, SaveOptions, dump_map
@@ -147,4 +148,4 @@ def _report(
         rows.append(("warning", "there are no polygons, so that every cell is open"))
     rows.append(("written", ", ".join("standard output" if f == "-" else f for f in files)))
     for label, text in rows:
-        click.echo(f"{label:>12}  {text}", err=to_stderr)
+        say(f"{label:>12}  {text}", err=to_stderr)

@@ -11,9 +11,9 @@ import click
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, POSITIVE, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs
-from mapcli.commands._say import warn
+from mapcli.commands._say import say, warn
 from mapcli.errors import DataError
-from mapcli.formats.input import sha256_of
+from mapcli.formats.input import read_file, sha256_of
 from mapcli.formats.maps.save import SUFFIXES, SaveOptions, dump_map
 from mapcli.formats.output import write_beside, write_bytes
 from mapcli.model.counting import counted
@@ -84,7 +84,7 @@ def command(
         raise
     if not quiet:
         for label, text in lines:
-            click.echo(f"{label:>12}  {text}", err="-" in outputs)
+            say(f"{label:>12}  {text}", err="-" in outputs)
 
 
 def _is_trace(source: str, target: str) -> bool:
@@ -138,7 +138,7 @@ def _dump_trace(
         return dump_trajectory(trace, target)
     inputs = {}
     if source != "-":
-        inputs = {Path(source).name: sha256_of(Path(source).read_bytes())}
+        inputs = {Path(source).name: sha256_of(read_file(Path(source)))}
     return json_bytes(trace_document(trace, inputs, parameters, result.document()))
 
 

@@ -9,7 +9,7 @@ import click
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import CELL, FILE, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs
-from mapcli.commands._say import warn
+from mapcli.commands._say import say, warn
 from mapcli.errors import DataError
 from mapcli.formats.output import write_bytes
 
@@ -72,7 +72,7 @@ def command(
         raise
     write_bytes(png, data, no_clobber=no_clobber)
     if verbose:
-        click.echo(f"{png}: {len(data):,} bytes", err=True)
+        say(f"{png}: {len(data):,} bytes")
 
 
 def _frontier(grid: GridMap) -> NDArray[np.bool_]:

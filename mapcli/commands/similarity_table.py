@@ -30,6 +30,7 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import check_outputs
+from mapcli.commands._say import say, say_lines
 from mapcli.commands._similarity_inputs import Loaded, load_comparison
 from mapcli.commands._similarity_outputs import Answer, window_answer, write_png, write_update
 from mapcli.commands._similarity_report import notes, report_lines
@@ -139,7 +140,7 @@ def command(
         if update:
             write_update(update, answer, no_clobber=no_clobber)
     for name in outputs if verbose else ():
-        click.echo(f"written: {name}", err=True)
+        say(f"written: {name}")
 
 
 @contextmanager
@@ -157,11 +158,11 @@ def _print(answer: Answer, form: str, *, quiet: bool, to_stderr: bool) -> None:
     if form != "table":
         click.echo(answer.text(form), nl=False)
     elif not quiet:
-        click.echo("\n".join(report_lines(answer)), err=to_stderr)
+        say_lines(report_lines(answer), err=to_stderr)
     for text in () if quiet else answer.loaded.warnings:
-        click.echo(f"Warning: {text}", err=True)
+        say(f"Warning: {text}")
     for text in () if quiet else notes(answer):
-        click.echo(f"Note: {text}", err=True)
+        say(f"Note: {text}")
 
 
 def _save(name: str, data: bytes, *, no_clobber: bool) -> None:

@@ -24,7 +24,7 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import check_outputs, progress
-from mapcli.commands._say import warn
+from mapcli.commands._say import say, warn
 from mapcli.errors import DataError
 from mapcli.model.scan import Mount
 
@@ -210,9 +210,8 @@ def _write(simulation: Simulation, out: str, no_clobber: bool, quiet: bool) -> N
 def _report(simulation: Simulation, verbose: bool) -> None:
     for number, time in enumerate(simulation.arrivals() if verbose else (), start=1):
         pose = simulation.true_pose(time)
-        click.echo(f"{time:8.2f} s  waypoint {number:3}  ({pose.x:.2f}, {pose.y:.2f})", err=True)
-    click.echo(
+        say(f"{time:8.2f} s  waypoint {number:3}  ({pose.x:.2f}, {pose.y:.2f})")
+    say(
         f"{simulation.drive.distance:.1f} m in {simulation.duration:.1f} s, "
         f"{simulation.scan_count:,} scans, {simulation.reading_count:,} odometry readings",
-        err=True,
     )

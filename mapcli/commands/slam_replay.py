@@ -41,6 +41,7 @@ from mapcli.commands._replay_perceptions import (
     perception_contents,
     perception_files,
 )
+from mapcli.commands._say import say
 from mapcli.errors import DataError
 from mapcli.formats.input import DigestingReader
 from mapcli.formats.maps.load import LoadedMap
@@ -157,7 +158,7 @@ def command(
     write_outputs(outputs, replayed, head, perceptions, no_clobber=no_clobber)
     if not quiet:
         if model["similarity"] and parameters.match.search != "book":
-            click.echo("Note: --similarity is for --search book and changes nothing.", err=True)
+            say("Note: --similarity is for --search book and changes nothing.")
         say_notes(log, verbose=verbose)
         report(summary, replayed.map, outputs)
     if run.stopped_by is not None:

@@ -18,6 +18,7 @@ from mapcli.commands._options import (
     no_clobber_option,
 )
 from mapcli.commands._output import check_outputs
+from mapcli.commands._say import say
 from mapcli.formats.maps.dialects import DIALECTS
 from mapcli.formats.maps.map_image import MODES
 from mapcli.formats.maps.save import FORMATS
@@ -148,11 +149,11 @@ def command(
         write_bytes(json_file, json_bytes(content), no_clobber=no_clobber)
     if not quiet:
         for warning in result.warnings:
-            click.echo(f"Warning: {warning}", err=True)
+            say(f"Warning: {warning}")
         for note in loss_notes(result.grid, target, options):
-            click.echo(f"Note: {target}: {note}", err=True)
+            say(f"Note: {target}: {note}")
         for label, text in [*result.lines(), ("written", ", ".join(names))]:
-            click.echo(f"{label:>10}  {text}", err="-" in (target, json_file, *(trace or ())[1:]))
+            say(f"{label:>10}  {text}", err="-" in (target, json_file, *(trace or ())[1:]))
 
 
 def _check(

@@ -9,7 +9,7 @@ import click
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, POSITIVE, Number, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs
-from mapcli.commands._say import warn
+from mapcli.commands._say import say, warn
 from mapcli.formats.output import write_bytes
 from mapcli.model.grid import OCCUPIED_THRESHOLD
 
@@ -66,8 +66,8 @@ def command(
     warn(source, loaded.warnings)
     memory = Memory.of(world, grid, threshold)
     if not memory.occupied:
-        click.echo(f"Warning: {source}: no cell is an obstacle from {threshold:g} on", err=True)
+        say(f"Warning: {source}: no cell is an obstacle from {threshold:g} on")
     rows = memory.rows()
     rows.append(("tolerance", f"{tolerance:g} m"))
     for label, text in rows:
-        click.echo(f"{label:>12}  {text}", err=target == "-")
+        say(f"{label:>12}  {text}", err=target == "-")

@@ -43,6 +43,7 @@ class OutputSet:
             OutputError: the file exists and `no_clobber` is set, or it cannot be written.
         """
         if str(path) == "-":
+            _refuse_closed_stdout()
             return sys.stdout.buffer
         with _telling(path):
             stream = _stream_of(path)
@@ -72,7 +73,8 @@ class OutputSet:
         Raises:
             OutputError: one of them cannot; then all are as they were before.
         """
-        sys.stdout.flush()
+        if sys.stdout is not None:  # closed, as by `>&-`
+            sys.stdout.flush()
         for stream in (*self._streams, *(partial.file for partial in self._partial)):
             stream.close()
         done: list[PartialFile] = []
@@ -150,6 +152,11 @@ def _stream_of(path: str | Path) -> BinaryIO | None:
     return open(path, "wb")
 
 
+def _refuse_closed_stdout() -> None:
+    if sys.stdout is None:
+        raise OutputError("standard output is closed", file="-")
+
+
 def _refuse(path: str | Path, *, no_clobber: bool) -> None:
     if os.path.isdir(path):
         raise OutputError("is a directory", file=path, expected="a file name")
@@ -166,6 +173,8 @@ def check_output(path: str | Path, *, no_clobber: bool = False) -> None:
     Raises:
         OutputError: as of `output_file`.
     """
+    if str(path) == "-":
+        _refuse_closed_stdout()
     if str(path) == "-" or DESCRIPTOR.fullmatch(os.path.abspath(path)):
         return
     with _telling(path):

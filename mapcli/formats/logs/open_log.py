@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import re
-import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import IO
 
 from mapcli.errors import FormatError
-from mapcli.formats.input import GZIP_MAGIC, MCAP_MAGIC
+from mapcli.formats.input import (
+    GZIP_MAGIC,
+    MCAP_MAGIC,
+    Reopenable,
+    reopenable,
+    spooled,
+    standard_input,
+)
 from mapcli.formats.logs.blocks import read_blocks
 from mapcli.formats.logs.carmen import CarmenLog
 from mapcli.formats.logs.carmen_lines import looks_like_carmen
@@ -78,11 +82,16 @@ def _open(kind: str, sources: Sequence[Source], options: LogOptions) -> Log:
 
 def _sources(path: str) -> Iterator[Source]:
     if path == "-":
-        yield _spooled("-", iter(lambda: sys.stdin.buffer.read(SNIFFED_BYTES), b""))
+        stdin = standard_input()
+        yield _source("-", spooled(iter(lambda: stdin.read(SNIFFED_BYTES), b"")))
     elif Path(path).is_dir():
         yield from (Source(str(part), part) for part in _parts_of_bag(path))
     else:
-        yield Source(path, Path(path))
+        yield _source(path, reopenable(Path(path)))
+
+
+def _source(name: str, file: Reopenable) -> Source:
+    return Source(name, file.path, file.keeps)
 
 
 def _parts_of_bag(folder: str) -> list[Path]:
@@ -135,12 +144,4 @@ def _unpacked(source: Source, kind: str) -> Source:
         return source
     with source.path.open("rb") as file:
         packed = file.read(len(GZIP_MAGIC)) == GZIP_MAGIC
-    return _spooled(source.name, read_blocks(source, Damage())) if packed else source
-
-
-def _spooled(name: str, blocks: Iterator[bytes]) -> Source:
-    file: IO[bytes] = tempfile.NamedTemporaryFile(prefix="mapcli-")  # noqa: SIM115 (lives on)
-    for block in blocks:
-        file.write(block)
-    file.flush()
-    return Source(name, Path(file.name), file)
+    return _source(source.name, spooled(read_blocks(source, Damage()))) if packed else source
