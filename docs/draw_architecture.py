@@ -33,7 +33,7 @@ SHARED_BY_ALL = (
     "algorithms.compiling",
     "algorithms.kernel_cache",
 )
-"""Modules that belong to no room: all may import the first four and the last, nobody `cli`."""
+"""Modules that belong to no room: all may import them, but nobody `cli`."""
 
 COLUMNS = {
     "commands": 2.0, "verbs": 2.0,

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import click
 
 from mapcli import startup
-from mapcli.errors import MapcliError, QualityError, printable
+from mapcli.errors import DataError, FormatError, MapcliError, QualityError, printable
 from mapcli.version import __version__
 
 COMMANDS = {
@@ -95,6 +95,7 @@ def main(args: Sequence[str] | None = None) -> None:
     """
     arguments = list(sys.argv[1:] if args is None else args)
     debug, stdout = "--debug" in arguments, sys.stdout
+    files_read(forget=True)
     try:
         status = cli.main(arguments, prog_name="mapcli", standalone_mode=False)
         if sys.stdout is not None:  # closed, as by `>&-`
@@ -118,15 +119,16 @@ def main(args: Sequence[str] | None = None) -> None:
     except (MapcliError, OSError, MemoryError) as error:
         if debug:
             print_traceback()
+        if isinstance(error, DataError | FormatError) and error.file is None:
+            error.file = files_read()
         click.echo(f"Error: {describe(error)}", err=True)
         sys.exit(EXIT_QUALITY if isinstance(error, QualityError) else EXIT_DATA)
     except Exception as error:
         if debug:
             print_traceback()
-        name = type(error).__name__
-        click.echo(
-            f"Error: a fault in mapcli: {name}: {describe(error)} (--debug says more)", err=True
-        )
+        place = f"{printable(files)}: " if (files := files_read()) else ""
+        fault = f"{type(error).__name__}: {describe(error)}"
+        click.echo(f"Error: {place}a fault in mapcli: {fault} (--debug says more)", err=True)
         sys.exit(EXIT_DATA)
 
 
@@ -134,6 +136,17 @@ def print_traceback() -> None:
     import traceback
 
     traceback.print_exc()
+
+
+def files_read(*, forget: bool = False) -> str | None:
+    """The files that the command has read: an error of which nobody said where it is, is there."""
+    formats = sys.modules.get("mapcli.formats.input")  # nothing is read before it is imported
+    if formats is None:
+        return None
+    names = ", ".join(formats.names_read())
+    if forget:
+        formats.forget_names()
+    return names or None
 
 
 def describe(error: BaseException) -> str:

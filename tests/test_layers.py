@@ -143,3 +143,9 @@ def test_help_loads_nothing_heavy() -> None:
 def test_model_loads_numpy_only() -> None:
     code = "import mapcli.model.grid, mapcli.model.scan, mapcli.model.log"
     assert modules_loaded_by(code) & HEAVY == {"numpy"}
+
+
+def test_commands_print_at_one_place() -> None:
+    own = [file for name, file in MODULES.items() if name.startswith("mapcli.commands.")]
+    printing = {file.name for file in own if "click.echo(" in file.read_text()}
+    assert printing == {"_say.py", "similarity_table.py"}  # the latter prints data

@@ -145,7 +145,10 @@ def _folders(beside: Path, chosen: tuple[str, ...]) -> Folders:
     """Those chosen by environment variables, or else beside the source and below the home."""
     readable, writable, reasons = [], None, []
     for folder in _candidates(beside, chosen):
-        reason = "is not there" if not _made(folder) else distrust(folder)
+        there = folder.is_dir() if writable else _made(folder)
+        if not there and writable:
+            continue
+        reason = distrust(folder) if there else "is not there"
         if not reason:
             readable.append(folder)
             if os.access(folder, os.W_OK | os.X_OK):
@@ -163,13 +166,14 @@ def _candidates(beside: Path, chosen: tuple[str, ...]) -> Iterator[Path]:
         yield Path(os.path.expanduser(name)).absolute()
         return
     yield beside
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    if os.path.isabs(home) and Path(home).parent.is_dir():
-        yield Path(home) / "mapcli"
+    home = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
+    # A container's user without a home has / for one.
+    if home.is_absolute() and home.parent.is_dir() and home != Path("/.cache"):
+        yield home / "mapcli"
 
 
 def _made(folder: Path) -> bool:
-    """Whether a folder is there, made if it was not: by nobody else's leave."""
+    """Whether a folder is there; made, for this user alone, if it was not."""
     with contextlib.suppress(OSError, ValueError):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     try:

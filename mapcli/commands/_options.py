@@ -12,7 +12,7 @@ import click
 from mapcli import notices
 from mapcli.commands._say import say
 from mapcli.formats.input import pipes_kept
-from mapcli.model.pose import Pose2D
+from mapcli.model.pose import FARTHEST_M, Pose2D
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -32,6 +32,8 @@ class Number(click.FloatRange):
         number = float(super().convert(value, param, ctx))
         if not math.isfinite(number):
             self.fail(f"{value!r} is not a finite number.", param, ctx)
+        if abs(number) > FARTHEST_M:
+            self.fail(f"{value!r} is more than {FARTHEST_M:g}.", param, ctx)
         return number
 
 
@@ -61,6 +63,8 @@ class NumberList(click.ParamType[Any]):
             numbers = ()
         if len(numbers) != self.count or not all(math.isfinite(n) for n in numbers):
             self.fail(f"{value!r} is not of the form {self.name}.", param, ctx)
+        if any(abs(number) > FARTHEST_M for number in numbers):
+            self.fail(f"{value!r} has a number beyond {FARTHEST_M:g}.", param, ctx)
         return numbers
 
 

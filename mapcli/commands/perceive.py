@@ -33,7 +33,7 @@ from mapcli.model.perception import (
     TURNS_DEG,
     IntendedPose,
 )
-from mapcli.model.pose import Pose2D
+from mapcli.model.pose import FARTHEST_M, Pose2D
 from mapcli.model.world import World
 
 SENSOR = RangeSensor()
@@ -51,7 +51,11 @@ class Numbers(click.ParamType[Any]):
             numbers = tuple(float(part) for part in str(value).split(","))
         except ValueError:
             numbers = ()
-        if not numbers or len(set(numbers)) < len(numbers) or not all(map(math.isfinite, numbers)):
+        if (
+            not numbers
+            or len(set(numbers)) < len(numbers)
+            or not all(abs(number) <= FARTHEST_M for number in numbers)
+        ):
             self.fail(f"{value!r} is not a list of numbers, each once.", param, ctx)
         return numbers
 

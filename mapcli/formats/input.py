@@ -52,6 +52,7 @@ def standard_input() -> BufferedReader:
     Raises:
         FormatError: it is closed.
     """
+    _names.setdefault("-")
     if sys.stdin is None:
         raise FormatError("standard input is closed", file="-")
     return cast(BufferedReader, sys.stdin.buffer)
@@ -73,6 +74,9 @@ class Reopenable:
 _kept: dict[str, Reopenable] | None = None
 """The pipes that the running command has read, by name."""
 
+_names: dict[str, None] = {}
+"""All files that it has read, in order (see `names_read`)."""
+
 
 @contextmanager
 def pipes_kept() -> Iterator[None]:
@@ -85,12 +89,23 @@ def pipes_kept() -> Iterator[None]:
         _kept = before
 
 
+def names_read() -> list[str]:
+    """The files read since `forget_names`, for errors that do not know their file."""
+    return list(_names)
+
+
+def forget_names() -> None:
+    """Let `names_read` begin anew."""
+    _names.clear()
+
+
 def reopenable(path: Path) -> Reopenable:
     """A file as it is; of a pipe, which gives its bytes once and in order, a copy.
 
     Raises:
         OSError: it cannot be read.
     """
+    _names.setdefault(str(path))
     kept = {} if _kept is None else _kept
     if str(path) in kept:
         return kept[str(path)]

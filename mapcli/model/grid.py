@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mapcli.errors import DataError
-from mapcli.model.pose import Pose2D
+from mapcli.model.pose import FARTHEST_M, Pose2D
 
 UNKNOWN = np.float32(np.nan)
 """The content of a cell that has not been explored (`?` in text, 205 in a trinary PGM)."""
@@ -44,6 +44,9 @@ PROBABILITIES = np.where(np.arange(256) <= 100, np.arange(256), np.nan).astype(n
 
 BAND_CELLS = 4_000_000
 """Cells that large maps are worked through at a time."""
+
+FINEST_M = 1e-9
+"""Cells that are smaller are taken for damage, as are those beyond `FARTHEST_M`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +87,19 @@ class GridMap:
             raise DataError(
                 f"resolution {self.resolution:g}", expected="metres per cell, more than 0"
             )
-        if not np.isfinite([self.origin.x, self.origin.y, self.origin.theta]).all():
+        if not FINEST_M <= self.resolution <= FARTHEST_M:
+            raise DataError(
+                f"resolution {self.resolution:g}",
+                expected=f"{FINEST_M:g} to {FARTHEST_M:g} metres per cell",
+            )
+        place = np.array([self.origin.x, self.origin.y, self.origin.theta])
+        if not np.isfinite(place).all():
             raise DataError("origin is not finite", expected="x, y, yaw")
+        if not (np.abs(place) <= FARTHEST_M).all():
+            raise DataError(
+                f"origin is {self.origin.x:g}, {self.origin.y:g}, {self.origin.theta:g}",
+                expected=f"x, y, yaw of at most {FARTHEST_M:g}",
+            )
 
     @classmethod
     def from_bottom_up(

@@ -9,6 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+FARTHEST_M = 1e9
+"""Coordinates beyond are taken for damage: there is no such place on Earth, and cells could not be
+told apart there."""
+
 
 def wrap_angle(angle: float) -> float:
     """The same angle in [-pi, pi)."""
@@ -91,11 +95,12 @@ def planar_pose(position: Sequence[float], quaternion: Sequence[float]) -> Pose2
         quaternion: x, y, z, w, of any length but zero.
 
     Raises:
-        ValueError: not finite, or a quaternion of length zero, which has no heading.
+        ValueError: not finite, too far, or a quaternion of length zero, which has no heading.
     """
     x, y, z, w = quaternion
     square = x * x + y * y + z * z + w * w
-    if not (square > 1e-6 and math.isfinite(square + position[0] + position[1])):
+    near = abs(position[0]) <= FARTHEST_M and abs(position[1]) <= FARTHEST_M
+    if not (near and square > 1e-6 and math.isfinite(square)):
         raise ValueError("no pose")
     yaw = math.atan2(2 * (x * y + z * w) / square, 1 - 2 * (y * y + z * z) / square)
     return Pose2D(float(position[0]), float(position[1]), rounded_angle(yaw))

@@ -20,10 +20,6 @@ Stamps = NDArray[np.int64]
 """Shape (n,), nanoseconds."""
 
 
-FARTHEST_M = 1e9
-"""Coordinates beyond are taken for damage; nothing could be drawn with them."""
-
-
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """Where a robot was, in time order.

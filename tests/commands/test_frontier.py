@@ -190,7 +190,7 @@ def test_maps_of_one_cell_and_of_one_open_cell(capsys: pytest.CaptureFixture[str
                              "open cell, below 0.5"),
         (["--robot", "5,9", "--robot-xy", "9.5,5.5"], "robots 1 and 2 both stand on 5,9; expected "
                                                       "a cell for each robot"),
-        (["--robot-xy", "100,1e300"], "--robot-xy 100,1e+300 is outside the world; expected a "
+        (["--robot-xy", "100,1e9"], "--robot-xy 100,1e+09 is outside the world; expected a "
                                       "place on its 16 x 11 m, whose bottom left corner is at "
                                       "0,0"),
         (["--robot", "5,9", "--robot-radius", "50"], "robot 1 at 5,9 with a radius of 50 m fits "

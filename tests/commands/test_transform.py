@@ -172,7 +172,11 @@ def test_pipeline(
         (["m.yaml", "a.yaml", "--crop", "1,2,3"], 2, "not of the form LEFT,BOTTOM,RIGHT,TOP"),
         (["m.yaml", "a.yaml", "--rotate", "nan"], 2, "--rotate"),
         (["m.yaml", "a.yaml", "--merge", "m.yaml@1,2"], 2, "not of the form X,Y,YAW_DEG"),
-        (["m.yaml", "a.yaml", "--crop", "8,8,9,9"], 1, "Error: the box to crop to lies outside"),
+        (
+            ["m.yaml", "a.yaml", "--crop", "8,8,9,9"],
+            1,
+            "Error: m.yaml, m.pgm: the box to crop to lies outside",
+        ),
         (["m.yaml", "a.yaml", "--merge", "no.yaml"], 1, "Error: no.yaml: no such file"),
         (["m.yaml", "a.yaml", "--resample", "1e-9"], 1, "the result would have"),
         (["m.yaml", "m.pgm", "--crop", "known"], 1, "Error: m.pgm: is part of IN and would change"),

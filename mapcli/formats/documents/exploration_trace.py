@@ -33,7 +33,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.formats.documents.json_document import document
+from mapcli.formats.documents.json_document import document, utf8
 from mapcli.formats.maps.text import shortest
 from mapcli.model.exploration import KINDS, Exploration, StepColumns, between
 
@@ -57,12 +57,12 @@ def write_trace(
     if exploration.plan is not None:
         tail["plan"] = [asdict(goal) for goal in exploration.plan]
     text = BytesIO()
-    text.write(f'{{{_entries(head)},\n "steps": ['.encode())
+    text.write(utf8(f'{{{_entries(head)},\n "steps": ['))
     separator = "\n  "
     for line in step_lines(exploration.steps):
         text.write(f"{separator}{line}".encode())
         separator = ",\n  "
-    text.write(f"],\n {_entries(tail)}}}\n".encode())
+    text.write(utf8(f"],\n {_entries(tail)}}}\n"))
     return text.getvalue()
 
 

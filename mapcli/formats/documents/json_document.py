@@ -42,9 +42,15 @@ def json_bytes(content: Any) -> bytes:
     """JSON as UTF-8; the items of a list of objects or of rows have a line each, and numbers are
     the shortest that read back as the same float64."""
     if not isinstance(content, dict):
-        return f"{_indented(content)}\n".encode()
+        return utf8(f"{_indented(content)}\n")
     items = [f" {_dumps(key)}: {_value(value)}" for key, value in content.items()]
-    return ("{\n" + ",\n".join(items) + "\n}\n").encode()
+    return utf8("{\n" + ",\n".join(items) + "\n}\n")
+
+
+def utf8(json_text: str) -> bytes:
+    """JSON as bytes. A file name that is no UTF-8 is in it as Python reads it back: its odd bytes
+    as `\\udc80` to `\\udcff`."""
+    return json_text.encode(errors="backslashreplace")
 
 
 def _value(value: Any) -> str:

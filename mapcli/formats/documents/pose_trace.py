@@ -14,9 +14,9 @@ from mapcli.errors import FormatError
 from mapcli.formats.documents.json_document import document, json_bytes, read_document
 from mapcli.formats.input import read_file, sha256_of
 from mapcli.model.isometry import Isometry
-from mapcli.model.pose import Pose2D
+from mapcli.model.pose import FARTHEST_M, Pose2D
 from mapcli.model.trace import PoseTrace, TracedPose
-from mapcli.model.trajectory import FARTHEST_M, Trajectory
+from mapcli.model.trajectory import Trajectory
 
 POSE_TRACE = "mapcli.pose-trace"
 

@@ -16,6 +16,7 @@ import numpy as np
 from mapcli.errors import FormatError
 from mapcli.formats.documents.trajectory_text import columns, rows_of_words, stamp_ns
 from mapcli.formats.input import read_file, unpacked
+from mapcli.model.pose import FARTHEST_M
 from mapcli.model.trajectory import Relations
 
 COLUMNS = "t1 t2 x y z roll pitch yaw"
@@ -38,6 +39,11 @@ def load_relations(path: str | Path) -> Relations:
     for line, words in rows_of_words(data):
         where = f"line {line}"
         numbers = columns(words, 8, path, where, COLUMNS)
+        if max(map(abs, numbers[2:])) > FARTHEST_M:
+            raise FormatError(
+                f"{max(numbers[2:], key=abs):g}", file=path, where=where,
+                expected=f"metres and radians, at most {FARTHEST_M:g}",
+            )  # fmt: skip
         starts.append(stamp_ns(words[0], path, where))
         ends.append(stamp_ns(words[1], path, where))
         poses.append((numbers[2], numbers[3], numbers[7]))

@@ -23,10 +23,10 @@ from pathlib import PurePath
 import numpy as np
 
 from mapcli.errors import DataError, FormatError
-from mapcli.model.pose import Pose2D, planar_pose
+from mapcli.model.pose import FARTHEST_M, Pose2D, planar_pose
 from mapcli.model.se2_uncertainty import InformationTriangle
 from mapcli.model.trace import PoseTrace
-from mapcli.model.trajectory import FARTHEST_M, Trajectory
+from mapcli.model.trajectory import Trajectory
 
 CSV_HEAD = "stamp_ns,x,y,theta,odom_x,odom_y,odom_theta,score,status"
 STEP_INFORMATION: InformationTriangle = (10_000, 0, 0, 10_000, 0, 40_000)

@@ -27,6 +27,7 @@ from mapcli.formats.maps.load import load_map, sniff
 from mapcli.formats.maps.save import SUFFIXES
 from mapcli.formats.yaml_mapping import YamlMapping
 from mapcli.model.grid import GridMap
+from mapcli.model.pose import FARTHEST_M
 from mapcli.model.world import World
 
 KEYS = {"polygons", "points"}
@@ -163,4 +164,7 @@ def _point(document: YamlMapping, node: yaml.Node, key: str) -> list[float]:
         raise document.error(key, f"{shown} is no point", expected, node) from None
     if not np.isfinite([x, y]).all():
         raise document.error(key, f"[{x:g}, {y:g}] is not finite", expected, node)
+    if max(abs(x), abs(y)) > FARTHEST_M:
+        expected = f"metres, at most {FARTHEST_M:g}"
+        raise document.error(key, f"[{x:g}, {y:g}] is too far", expected, node)
     return [x, y]

@@ -22,7 +22,7 @@ from decimal import Decimal
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.model.pose import Pose2D, rounded_angle
+from mapcli.model.pose import FARTHEST_M, Pose2D, rounded_angle
 from mapcli.model.scan import LATEST_STAMP_S, NANOSECONDS, Odometry
 
 _KNOWN = re.compile(
@@ -156,7 +156,7 @@ def _floats(words: list[bytes]) -> NDArray[np.float32]:
 
 def _pose(words: list[bytes]) -> Pose2D:
     x, y, theta = map(float, words)
-    _expect(math.isfinite(x + y + theta))
+    _expect(abs(x) <= FARTHEST_M and abs(y) <= FARTHEST_M and math.isfinite(theta))
     return Pose2D(x, y, rounded_angle(theta))
 
 

@@ -13,7 +13,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.errors import DataError
+from mapcli.errors import DataError, OutputError
 from mapcli.formats.maps.dialects import Dialect, greys_of_percents, percents_of_greys
 from mapcli.formats.maps.map_image import GreyImage, GreyRule, Mode, trinary_greys
 from mapcli.formats.maps.text import write_characters, write_numbers
@@ -159,6 +159,7 @@ def map_files(
 
     Raises:
         DataError: a suffix that says no format.
+        OutputError: a name that the YAML cannot hold.
     """
     options = options or SaveOptions()
     name = PurePath(path).name
@@ -175,7 +176,13 @@ def map_files(
     image_kind = options.image_kind(kind)
     image = str(PurePath(name).with_suffix(f".{image_kind}"))
     image = f"{name}.{image_kind}" if image == name else image
-    text = image_meta_lines(grid, options.rule, image).encode()
+    try:
+        text = image_meta_lines(grid, options.rule, image).encode()
+    except UnicodeEncodeError as error:
+        raise OutputError(
+            "its image would have a name that is no UTF-8, as YAML must be", file=str(path),
+            expected="another name, or a map without an image beside it",
+        ) from error  # fmt: skip
     pixels = _Content(lambda: _image(grid, image_kind, options, ""))
     return {image: pixels, name: _Content(lambda: iter([text]))}
 

@@ -28,8 +28,8 @@ from mapcli.errors import FormatError
 from mapcli.formats.maps.map_image import MODES, GreyRule
 from mapcli.formats.maps.text import CHARACTER_ROW, TextRows, number_rows
 from mapcli.formats.yaml_mapping import YamlMapping
-from mapcli.model.grid import GridMap
-from mapcli.model.pose import Pose2D
+from mapcli.model.grid import FINEST_M, GridMap
+from mapcli.model.pose import FARTHEST_M, Pose2D
 
 _TRUTHS = {"true": True, "yes": True, "on": True, "y": True,
            "false": False, "no": False, "off": False, "n": False}  # fmt: skip
@@ -130,6 +130,9 @@ def _resolution(document: YamlMapping) -> float:
     value = document.number("resolution", expected)
     if value <= 0:
         raise document.error("resolution", f"is {value:g}", expected)
+    if not FINEST_M <= value <= FARTHEST_M:
+        expected = f"{FINEST_M:g} to {FARTHEST_M:g} metres per cell"
+        raise document.error("resolution", f"is {value:g}", expected)
     return value
 
 
@@ -137,8 +140,11 @@ def _origin(document: YamlMapping, warnings: list[str], *, lenient: bool) -> Pos
     expected = "three numbers, [x, y, yaw]"
     place = document.numbers("origin", 3, expected)
     for k, (name, value) in enumerate(zip(("x", "y", "yaw"), place, strict=True)):
-        if math.isfinite(value):
+        if abs(value) <= FARTHEST_M:
             continue
+        if math.isfinite(value):
+            most = f"numbers of at most {FARTHEST_M:g}"
+            raise document.error("origin", f"the {name} is {value:g}", most)
         # Old map_savers wrote -nan for a quaternion of zeros, which meant no rotation.
         if not (lenient or (name == "yaw" and math.isnan(value))):
             raise document.error("origin", "is not finite", expected)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.model.pose import Pose2D, rounded_angle
+from mapcli.model.pose import FARTHEST_M, Pose2D, rounded_angle
 from mapcli.model.scan import Mount
 
 MAX_TILT_DEG = 20.0
@@ -58,7 +58,7 @@ def rigid(translation: Iterable[float], quaternion: Iterable[float]) -> Rigid:
     position = np.array(list(translation), dtype=np.float64)
     x, y, z, w = quaternion
     square = x * x + y * y + z * z + w * w
-    if not (square > 1e-6 and math.isfinite(square) and np.isfinite(position).all()):
+    if not (square > 1e-6 and math.isfinite(square) and (np.abs(position) <= FARTHEST_M).all()):
         raise ValueError("no rotation")
     s = 2.0 / square
     return Rigid(
