@@ -256,7 +256,8 @@ def test_numbers_of_options_that_are_no_places(capfd: pytest.CaptureFixture[str]
 
 def test_libraries_do_not_warn() -> None:
     code = (
-        "import atexit, sys, warnings\nfrom mapcli.cli import run\nsys.argv = ['mapcli', '-h']\n"
+        "import atexit, sys, warnings\nfrom mapcli.__main__ import run\n"
+        "sys.argv = ['mapcli', '-h']\n"
         "atexit.register(warnings.warn, 'divide by zero', RuntimeWarning)\nrun()"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True)

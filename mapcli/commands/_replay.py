@@ -7,12 +7,11 @@ from collections.abc import Container, Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
-import click
-
 from mapcli.algorithms.slam.replay import Replayed, ReplayRun
 from mapcli.algorithms.slam.slam import Slam
 from mapcli.commands._log_options import LogInput
 from mapcli.commands._output import progress, progress_of_steps
+from mapcli.commands._say import say
 from mapcli.errors import DataError
 from mapcli.formats.logs.open_log import Log
 from mapcli.model.counting import counted
@@ -51,10 +50,11 @@ def replay_log(
 def _stop(run: ReplayRun, stopped: KeyboardInterrupt) -> None:
     """Say what is done after a signal, and take what is known."""
     run.stopped_by = stopped
-    click.echo(
-        f"\nStopped after {counted(len(run.poses), 'scans')}: their map is written without loop "
-        "closure and refinement; once more ends at once.",
-        err=True,
+    count = counted(len(run.poses), "scans")
+    say("")  # what was on the line: a bar, or ^C
+    say(
+        f"Stopped after {count}: their map is written without loop closure and refinement; "
+        "once more ends at once."
     )
     run.stop()
 

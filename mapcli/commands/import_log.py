@@ -10,8 +10,8 @@ import click
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._options import FILE, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs, progress
-from mapcli.errors import DataError
 from mapcli.commands._say import say
+from mapcli.errors import DataError
 from mapcli.model.counting import counted
 from mapcli.model.scan import Odometry, RangeScan, Record
 
