@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import click
 
 from mapcli import notices
-from mapcli.commands._say import say
+from mapcli.commands._say import note_meanwhile
 from mapcli.formats.input import pipes_kept
 from mapcli.model.pose import FARTHEST_M, Pose2D
 
@@ -93,8 +93,8 @@ def _prepare(ctx: click.Context, parameter: click.Parameter, quiet: bool) -> boo
     ctx.with_resource(pipes_kept())
     waits = sys.stderr is not None and sys.stderr.isatty()
     notices.listen(
-        note=None if quiet else lambda text: say(f"Note: {text}"),
-        progress=None if quiet or not waits else lambda text: say(f"Note: {text}"),
+        note=None if quiet else note_meanwhile,
+        progress=None if quiet or not waits else note_meanwhile,
     )
     return quiet
 

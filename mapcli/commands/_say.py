@@ -5,6 +5,7 @@ Names come from files, and files from anywhere: what a terminal would obey is sh
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 
 import click
@@ -20,6 +21,12 @@ def say(text: str, *, err: bool = True) -> None:
 def say_lines(lines: Iterable[str], *, err: bool = True) -> None:
     """Lines, in one go."""
     click.echo("\n".join(printable(line) for line in lines), err=err)
+
+
+def note_meanwhile(text: str) -> None:
+    """A note while a bar may be shown, whose line it takes; the bar goes on below."""
+    over = "\r\x1b[K" if sys.stderr is not None and sys.stderr.isatty() else ""
+    click.echo(f"{over}Note: {printable(text)}", err=True)
 
 
 def warn(file: str, warnings: Iterable[str], *, quiet: bool = False) -> None:

@@ -250,3 +250,18 @@ def test_another_user_without_a_home(place: str, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("Note: compiled loops cannot be kept") == 1
     assert (out / "map" / "map.pgm").exists()
+
+
+@pytest.mark.slow
+def test_a_terminal_is_told_what_takes_so_long(tmp_path: Path) -> None:
+    if not shutil.which("script"):
+        pytest.skip("script makes the terminal")
+    line = f"{sys.executable} -m mapcli slam-replay {APARTMENT} -o {tmp_path}/map --end 1"
+    environment = {**os.environ, "MAPCLI_CACHE_DIR": str(tmp_path / "kept")}
+    said = [
+        subprocess.run(
+            ["script", "-qec", f"{line}{more}", os.devnull], env=environment, capture_output=True
+        ).stdout
+        for more in ("", "", " -q")
+    ]
+    assert [text.count(kernel_cache.COMPILING.encode()) for text in said] == [1, 0, 0]
