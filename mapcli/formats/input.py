@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import stat
 import sys
 import tempfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
@@ -35,6 +36,8 @@ def read_file(path: Path, expected: str = "a map file") -> bytes:
     if str(path) == "-":
         return standard_input().read()
     try:
+        if _is_endless(path):
+            raise FormatError("is a device", file=path, expected=expected)
         path = path.expanduser() if path.parts[:1] == ("~",) else path
         return reopenable(path).path.read_bytes()
     except IsADirectoryError as error:
@@ -123,6 +126,15 @@ def spooled(blocks: Iterable[bytes]) -> Reopenable:
         file.write(block)
     file.flush()
     return Reopenable(Path(file.name), file)
+
+
+def _is_endless(path: Path) -> bool:
+    """Whether a path is a device that may never end, `/dev/zero`; standard input may be one."""
+    with suppress(OSError):
+        mode = path.stat().st_mode
+        is_device = stat.S_ISCHR(mode) or stat.S_ISBLK(mode)
+        return is_device and path.name not in ("stdin", "null") and path.parent.name != "fd"
+    return False
 
 
 def sha256_of(data: bytes) -> str:

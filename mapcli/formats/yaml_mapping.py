@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from itertools import chain
 
 import yaml
 
@@ -63,6 +64,7 @@ class YamlMapping:
             ) from error
         if not isinstance(root, yaml.MappingNode):
             raise FormatError("not a YAML mapping", file=file, expected="`key: value` lines")
+        _refuse_alias_bombs(root, file)
         return cls(root, file)
 
     def error(
@@ -139,3 +141,28 @@ def shown(node: yaml.Node) -> str:
         return repr(node.value[:40])
     count = len(node.value) if isinstance(node.value, Sequence) else 0
     return f"a list of {count}" if isinstance(node, yaml.SequenceNode) else "a mapping"
+
+
+_MOST_UNFOLDED, _UNFOLDED_SHARE = 1_000_000, 100
+"""Values that aliases may make of a file: in all, or of each value that is written out."""
+
+
+def _refuse_alias_bombs(root: yaml.Node, file: str) -> None:
+    """Raise FormatError where aliases (`*name`) unfold a small file to very many values."""
+    unfolded: dict[int, int] = {}
+
+    def count(node: yaml.Node) -> int:
+        if id(node) not in unfolded:
+            unfolded[id(node)] = 1  # an alias within its own anchor
+            inner = node.value if isinstance(node, yaml.CollectionNode) else ()
+            parts = chain.from_iterable(inner) if isinstance(node, yaml.MappingNode) else inner
+            unfolded[id(node)] = 1 + sum(count(part) for part in parts)
+        return unfolded[id(node)]
+
+    total = count(root)
+    if total > max(_MOST_UNFOLDED, _UNFOLDED_SHARE * len(unfolded)):
+        raise FormatError(
+            f"aliases unfold {len(unfolded):,} values to {total:,}",
+            file=file,
+            expected="values written out",
+        )

@@ -21,6 +21,9 @@ Box = tuple[float, float, float, float]
 MOST_CELLS = 100_000_000
 """Of a map; more is a slip in the resolution or the box."""
 
+MOST_OUTLINE_CELLS = 2_000_000
+"""The covered share of each of these is computed: some ten seconds."""
+
 NOISE = 1e-9
 """Cells, and shares of a cell: what rounding may add or take."""
 
@@ -112,7 +115,15 @@ def covered_shares(area: Area, frame: GridMap) -> NDArray[np.float64]:
     def to_cells(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return frame.fractional_cells_of_world(points)[:, ::-1] + 0.5
 
-    return covered_cells(shapely.transform(area, to_cells), frame.rows, frame.columns)
+    in_cells = shapely.transform(area, to_cells)
+    inside = shapely.box(0, 0, frame.columns, frame.rows)
+    passed = float(shapely.intersection(shapely.boundary(in_cells), inside).length)
+    if passed > MOST_OUTLINE_CELLS:
+        raise DataError(
+            f"the outlines pass through {passed:,.0f} of {frame.rows:,} x {frame.columns:,} cells",
+            expected=f"at most {MOST_OUTLINE_CELLS:,}; larger cells or a smaller box",
+        )
+    return covered_cells(in_cells, frame.rows, frame.columns)
 
 
 def covered_cells(area: Area, rows: int, columns: int) -> NDArray[np.float64]:

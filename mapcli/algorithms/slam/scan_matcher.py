@@ -43,6 +43,10 @@ from mapcli.model.pose import Pose2D
 WINDOW_SHARES = 0.4, 1.0
 """Of the window: what is searched first, since odometry seldom errs by all that it may."""
 
+WIDEST_XY = 12.0
+"""Half-width of a window at most, metres, unless a wider one was asked for: odometry that may be
+farther off than a room is wide is no prediction, and time and memory grow with the square."""
+
 TRUSTED_SIGMAS = 2.0
 """Standard deviations of odometry within which the pose refined from the predicted one is taken
 without a search, if the scan fits there as well as scans before."""
@@ -143,8 +147,8 @@ class _WindowMatcher:
         p, deviations = self.parameters, self.uncertainty.deviations
         sigmas = self.uncertainty.window_sigmas
         return SearchWindow(
-            p.window_xy + sigmas * deviations.xy,
-            math.radians(p.window_theta_deg) + sigmas * deviations.theta,
+            min(p.window_xy + sigmas * deviations.xy, max(p.window_xy, WIDEST_XY)),
+            min(math.radians(p.window_theta_deg) + sigmas * deviations.theta, math.pi),
         )
 
     def _search(self, window: SearchWindow) -> Match:
@@ -176,7 +180,8 @@ class _WindowMatcher:
         """Search a far wider window; `best` stays where nothing there is clearly better, since the
         map may just not cover the area yet."""
         low, metres = RELOCALISE_BELOW * history.running_score, self.uncertainty.metres
-        xy = max(self._window().xy, RELOCALISATION_XY + RELOCALISATION_XY_PER_M * metres)
+        xy = RELOCALISATION_XY + RELOCALISATION_XY_PER_M * metres
+        xy = max(self._window().xy, min(xy, WIDEST_XY))
         wide = SearchWindow(xy, RELOCALISATION_TURN)
         self.scan.cover(self.predicted, wide)
         other = self._search(wide)

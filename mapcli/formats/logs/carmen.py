@@ -3,8 +3,9 @@
 What the format leaves open is decided as follows:
 
 - FLASER tells no maximum range: readings of 80 m and more are no return (SICK's error codes in
-  centimetres start at 8183). Where the first 500 scans hold none, their largest reading means no
-  return if it occurs 20 times or more, and more often than all readings within 10 % below it.
+  centimetres start at 8183). Where the first 500 scans hold hardly any of these, the largest
+  other reading means no return if it occurs 20 times or more, more often than all readings within
+  10 % below it, and more often than they.
   ROBOTLASER1 tells the maximum; readings that reach it are no return.
 - A scan's own odometry is yielded right before it with the same stamp, besides the ODOM lines.
 - The laser's pose on the robot follows from the two poses of each scan, if they differ by the same
@@ -64,10 +65,12 @@ class _Survey:
     def repeated_maximum(self, name: str) -> float | None:
         """The largest reading, metres, if it repeats so often that it means no return; or None."""
         ranges = np.concatenate([np.empty(0, dtype=np.float32), *self._ranges.get(name, ())])
-        largest = ranges[np.isfinite(ranges)].max(initial=0.0)
+        codes = np.count_nonzero(ranges >= SICK_NO_RETURN_M)
+        largest = ranges[ranges < SICK_NO_RETURN_M].max(initial=0.0)
         times = np.count_nonzero(ranges == largest)
         near = np.count_nonzero((ranges >= 0.9 * largest) & (ranges < largest))
-        if largest >= SICK_NO_RETURN_M or times < REPEATED_MAXIMUM or times <= near:
+        # A stray reading or two beyond the laser's range are no error codes.
+        if codes >= REPEATED_MAXIMUM or times < REPEATED_MAXIMUM or times <= max(near, codes):
             return None
         return float(largest)
 
