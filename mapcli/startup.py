@@ -31,14 +31,46 @@ def end_on_signals() -> None:
         signal.signal(number, lambda came, _: os._exit(128 + came))
 
 
+UNINTERRUPTIBLE = "<frozen importlib", f"{os.sep}llvmlite{os.sep}", f"{os.sep}numba{os.sep}"
+"""Parts of the file names of code that an exception from outside breaks: a module stays half made
+("initialization failed"), and a callback of the compiler loses the exception or crashes."""
+
+RETRY_SECONDS = 0.02
+
+
 def raise_on_signals() -> None:
-    """While a command runs, signals are exceptions: `KeyboardInterrupt` and `Terminated`."""
+    """While a command runs, signals are exceptions: `KeyboardInterrupt` and `Terminated`.
 
-    def terminate(number: int, frame: FrameType | None) -> NoReturn:
-        raise Terminated
+    Within an import or the compiler they are raised as soon as that is over; a second signal
+    meanwhile ends the process.
+    """
+    waiting: list[int] = []
 
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGTERM, terminate)
+    def came(number: int, frame: FrameType | None) -> None:
+        if waiting:
+            os._exit(128 + number)
+        waiting.append(number)
+        try_to_raise(number, frame)
+
+    def try_to_raise(_: int, frame: FrameType | None) -> None:
+        if not is_interruptible(frame) and hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_REAL, RETRY_SECONDS)
+            return
+        raise Terminated if waiting.pop() == signal.SIGTERM else KeyboardInterrupt
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, came)
+    if hasattr(signal, "SIGALRM"):
+        signal.signal(signal.SIGALRM, try_to_raise)
+
+
+def is_interruptible(frame: FrameType | None) -> bool:
+    """Whether no caller of a frame is in an import or in the compiler."""
+    while frame is not None:
+        if any(part in frame.f_code.co_filename for part in UNINTERRUPTIBLE):
+            return False
+        frame = frame.f_back
+    return True
 
 
 def keep_blas_single_threaded() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -52,3 +53,31 @@ def test_terminated_in_this_process(
         cli.main([])
     assert leaving.value.code == 143
     assert capsys.readouterr().err == "Terminated.\n"
+
+
+def test_an_import_is_not_interrupted(tmp_path: Path) -> None:
+    # A module half made would be a fault: "ImportError: initialization failed".
+    (tmp_path / "slow.py").write_text(
+        "import os, signal\n"
+        "os.kill(os.getpid(), signal.SIGTERM)\n"
+        "for _ in range(10**5): pass\n"
+        "print('imported', flush=True)\n"
+    )
+    program = (
+        "import time\n"
+        "from mapcli import startup\n"
+        "startup.raise_on_signals()\n"
+        "try:\n"
+        "    import slow\n"
+        "    time.sleep(5)\n"
+        "except startup.Terminated:\n"
+        "    print('terminated')\n"
+    )
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(tmp_path), str(FIXTURES.parent)]),
+    }
+    said = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, timeout=10
+    ).stdout
+    assert said.split() == [b"imported", b"terminated"]
