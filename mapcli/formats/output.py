@@ -51,7 +51,8 @@ class OutputSet:
                 self._streams.append(stream)
                 return stream
             _refuse(path, no_clobber=self.no_clobber)
-            self._partial.append(PartialFile(Path(os.path.realpath(path))))
+            with signals_held_back():  # none comes between the file and who clears it
+                self._partial.append(PartialFile(Path(os.path.realpath(path))))
             return self._partial[-1].file
 
     def write(self, path: str | Path, content: bytes | Iterable[bytes]) -> str:

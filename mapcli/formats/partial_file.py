@@ -14,7 +14,7 @@ from pathlib import Path
 PREFIX, SUFFIX = ".mapcli-", ".part"
 """Of temporary names, which are short whatever the final name is."""
 
-DEFERRED = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+DEFERRED = signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM
 
 
 @contextmanager
