@@ -187,7 +187,8 @@ def check_output(path: str | Path, *, no_clobber: bool = False) -> None:
         target = Path(os.path.realpath(path))
         folder = next(parent for parent in target.parents if parent.exists())
         clear_abandoned(folder)
-        PartialFile(folder / target.name).clean_up()
+        with signals_held_back():
+            PartialFile(folder / target.name).clean_up()
 
 
 def write_bytes(path: str | Path, data: bytes, *, no_clobber: bool = False) -> None:
