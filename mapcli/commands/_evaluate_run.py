@@ -110,8 +110,7 @@ class EvaluateRun:
 
     def _telling(self, log: Log) -> Iterator[Record]:
         yield from self.log_input.records(log)
-        if not self.quiet:
-            say_notes(log, verbose=self.verbose)
+        say_notes(log, verbose=self.verbose, quiet=self.quiet)
 
     def _load(self, name: str, topic: str | None) -> Trajectory:
         loaded = load_trajectory(name, topic)

@@ -137,10 +137,10 @@ def log_input_options(command: Command) -> Command:
     return with_input  # type: ignore[return-value]
 
 
-def say_notes(log: Log, *, verbose: bool = False) -> None:
-    """Tell on stderr how a log was understood and what was wrong with it."""
-    if verbose:
+def say_notes(log: Log, *, verbose: bool = False, quiet: bool = False) -> None:
+    """Tell on stderr how a log was understood and, with -q too, what was wrong with it."""
+    if verbose and not quiet:
         say(f"Scans from {log.scan_topic}, odometry from {log.odom_topic}.")
-    for text in log.notes:
+    for text in () if quiet else log.notes:
         say(f"Note: {text}")
     warn(log.name, log.damage.lines())

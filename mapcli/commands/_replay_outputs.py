@@ -181,6 +181,11 @@ def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> Non
     rows = (
         ("scans", f"{summary.used:,} of {summary.scans:,} used ({100 * summary.used_share:.1f} %)"),
         ("skipped", skipped or "none"),
+        *(
+            [("lost", f"{100 * summary.lost_share:.1f} % of the log's scans, to damage")]
+            if summary.lost_share
+            else []
+        ),
         ("matched", f"{summary.matched:,}; by odometry alone {summary.odometry:,}"),
         ("mean score", f"{score} (1 is perfect agreement with the map)"),
         ("odometry", f"{summary.odometry_jumps:,} jumps not believed{faults}"),

@@ -175,8 +175,7 @@ def _from_log(
     except DataError as error:
         error.file = error.file or log.name
         raise
-    if not quiet:
-        say_notes(log, verbose=verbose)
+    say_notes(log, verbose=verbose, quiet=quiet)
     said = f"scan {found.number} at {found.seconds:.2f} s, {len(perception.beams)} beams"
     if found.odom is None:
         said += "; the log has no odometry there, so its pose is 0, 0, 0"

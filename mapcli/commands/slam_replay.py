@@ -156,10 +156,10 @@ def command(
         files, run.kept, replayed.trace, parameters.perception, log.name
     )
     write_outputs(outputs, replayed, head, perceptions, no_clobber=no_clobber)
+    if model["similarity"] and parameters.match.search != "book" and not quiet:
+        say("Note: --similarity is for --search book and changes nothing.")
+    say_notes(log, verbose=verbose, quiet=quiet)
     if not quiet:
-        if model["similarity"] and parameters.match.search != "book":
-            say("Note: --similarity is for --search book and changes nothing.")
-        say_notes(log, verbose=verbose)
         report(summary, replayed.map, outputs)
     if run.stopped_by is not None:
         raise run.stopped_by

@@ -56,7 +56,8 @@ class LogOptions:
 class Loss(Enum):
     """What a piece of damage cost."""
 
-    SCAN = "a scan that cannot be used"
+    SCAN = "a scan that was read and cannot be used"
+    LOST_SCAN = "a scan that was in the log and cannot be read"
     OTHER = "anything else"
 
 
@@ -66,11 +67,15 @@ class Damage:
 
     Keys are plural nouns with what is wrong with them, without a verb that would have to agree
     with the number: "scans with a stamp that jumps back".
+
+    Attributes:
+        scans_read: good scans, of the whole log as far as it was read.
     """
 
     counts: dict[str, int] = field(default_factory=dict)
     first: dict[str, str] = field(default_factory=dict)
     losses: dict[str, Loss] = field(default_factory=dict)
+    scans_read: int = 0
 
     def add(
         self, what: str, times: int = 1, *, loss: Loss = Loss.OTHER,
@@ -87,12 +92,20 @@ class Damage:
         self.counts.clear()
         self.first.clear()
         self.losses.clear()
+        self.scans_read = 0
 
     def unusable_scans(self) -> dict[str, int]:
         """What cost scans -> how many."""
-        return {
-            what: times for what, times in self.counts.items() if self.losses[what] is Loss.SCAN
-        }
+        return self._scans(Loss.SCAN, Loss.LOST_SCAN)
+
+    @property
+    def lost_share(self) -> float:
+        """Share of the log's scans that were lost to damage, as far as is known."""
+        lost = sum(self._scans(Loss.LOST_SCAN).values())
+        return lost / (self.scans_read + sum(self.unusable_scans().values())) if lost else 0.0
+
+    def _scans(self, *losses: Loss) -> dict[str, int]:
+        return {what: times for what, times in self.counts.items() if self.losses[what] in losses}
 
     def lines(self) -> list[str]:
         """What was wrong, one sentence per kind: "3 lines without a valid message (line 17)"."""

@@ -19,7 +19,7 @@ class ReplaySummary:
         scans: scans asked for; each is either used or skipped.
         used: scans with a pose; of these `matched` were found in the map and `odometry` had to
             rely on odometry alone.
-        skipped: reason -> scans.
+        skipped: reason -> scans, those included that were in the log and could not be read.
         distance_m: driven, along the poses.
         duration_s: of the log, from the first to the last used scan.
         loops: loops closed.
@@ -27,6 +27,8 @@ class ReplaySummary:
         odometry_jumps: steps in which the odometry jumped and was not used; odometry_faults:
             scans at which the wheels were taken to count backwards, or to have stopped counting.
         damage: what was wrong with the log -> how often.
+        lost_share: share of the log's scans lost to damage, as far as the log tells how many it
+            held.
         interrupted: the replay was stopped early; the result is of the part before.
         seconds: what the replay took; left out of files, which must not depend on the machine.
     """
@@ -44,6 +46,7 @@ class ReplaySummary:
     odometry_faults: int
     damage: Mapping[str, int]
     interrupted: bool
+    lost_share: float = field(default=0.0)
     seconds: float = field(default=0.0)
 
     @property
@@ -61,6 +64,7 @@ class ReplaySummary:
             "scans": self.scans,
             "used": self.used,
             "used_share": round(self.used_share, 6),
+            "lost_share": round(self.lost_share, 6),
             "matched": self.matched,
             "odometry": self.odometry,
             "skipped": dict(self.skipped),

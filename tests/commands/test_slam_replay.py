@@ -155,11 +155,12 @@ def test_every_scan_has_a_pose(corridor: Trace, records: list[Record]) -> None:
 def test_the_summary(corridor: Trace) -> None:
     summary = corridor["summary"]
     assert list(summary) == [
-        "scans", "used", "used_share", "matched", "odometry", "skipped", "distance_m",
-        "duration_s", "loops", "mean_score", "odometry_jumps", "odometry_faults", "damage",
-        "interrupted",
+        "scans", "used", "used_share", "lost_share", "matched", "odometry", "skipped",
+        "distance_m", "duration_s", "loops", "mean_score", "odometry_jumps", "odometry_faults",
+        "damage", "interrupted",
     ]  # fmt: skip
     assert (summary["scans"], summary["used"], summary["used_share"]) == (50, 50, 1)
+    assert summary["lost_share"] == 0
     assert (summary["matched"], summary["odometry"]) == (49, 0)
     assert (summary["skipped"], summary["damage"], summary["interrupted"]) == ({}, {}, False)
     assert summary["duration_s"] == 9.8

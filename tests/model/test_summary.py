@@ -23,6 +23,7 @@ SUMMARY = ReplaySummary(
     odometry_faults=12,
     damage={"scans without beams, skipped": 2, "files cut short": 1},
     interrupted=False,
+    lost_share=0.125,
     seconds=1.5,
 )
 
@@ -32,6 +33,7 @@ def test_the_document_literally() -> None:
         "scans": 8,
         "used": 6,
         "used_share": 0.75,
+        "lost_share": 0.125,
         "matched": 4,
         "odometry": 1,
         "skipped": {"scans without beams, skipped": 2},

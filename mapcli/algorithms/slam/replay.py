@@ -128,9 +128,7 @@ class ReplayRun:
             skipped["scans not reached before the interruption"] = missed
         trace = self.trace()
         grid = self.slam.map if self.finalised is None else self.finalised.grid
-        return Replayed(
-            grid.to_grid_map(), trace, self._summary(trace, dict(damage.counts), skipped)
-        )
+        return Replayed(grid.to_grid_map(), trace, self._summary(trace, damage, skipped))
 
     def trace(self) -> PoseTrace:
         """The poses until now, and the loops closed."""
@@ -142,7 +140,7 @@ class ReplayRun:
         return PoseTrace(poses, self.finalised.loops, steps)
 
     def _summary(
-        self, trace: PoseTrace, damage: Mapping[str, int], skipped: Mapping[str, int]
+        self, trace: PoseTrace, damage: Damage, skipped: Mapping[str, int]
     ) -> ReplaySummary:
         statuses = [pose.status for pose in self.poses]
         return ReplaySummary(
@@ -157,6 +155,7 @@ class ReplayRun:
             mean_score=trace.mean_score(),
             odometry_jumps=self.slam.odometry.jumps,
             odometry_faults=self.slam.faults.faulty_scans,
-            damage=damage,
+            damage=dict(damage.counts),
             interrupted=self.interrupted,
+            lost_share=damage.lost_share,
         )

@@ -205,7 +205,7 @@ class CarmenLog(Log):
                     yield number, message
                 else:
                     what = f"lines without a valid {name} message"
-                    loss = Loss.SCAN if name == self.scan_topic else Loss.OTHER
+                    loss = Loss.LOST_SCAN if name == self.scan_topic else Loss.OTHER
                     self.damage.add(what, loss=loss, file=source.name, where=f"line {number}")
 
     def _parse(self, name: str, line: bytes) -> LaserMessage | Odometry | None:

@@ -163,6 +163,7 @@ class Log(ABC):
         try:
             for record in self._in_stamp_order(self._records()):
                 scans += isinstance(record, RangeScan)
+                self.damage.scans_read = scans
                 yield record
         except OSError as error:
             raise FormatError(str(error.strerror or error).lower(), file=self.name) from error
