@@ -39,15 +39,18 @@ def read_blocks(source: Source, damage: Damage) -> Iterator[bytes]:
 def _unpacked(file: BinaryIO, name: str, damage: Damage) -> Iterator[bytes]:
     unpacker = zlib.decompressobj(_GZIP_FORMAT)
     for packed in iter(lambda: file.read(_STEP_BYTES), b""):
+        before, step = unpacker.copy(), packed
         try:
             while packed:
                 if unpacker.eof:  # gzip files may be chained (`cat a.gz b.gz`) and padded
                     if not (packed := packed.lstrip(b"\0")):
                         break
                     unpacker = zlib.decompressobj(_GZIP_FORMAT)
+                    before, step = unpacker.copy(), packed
                 yield unpacker.decompress(packed)
                 packed = unpacker.unused_data
         except zlib.error:
+            yield _up_to_fault(before, step)
             damage.add(
                 "gzip streams broken off, the rest is lost",
                 file=name,
@@ -56,6 +59,17 @@ def _unpacked(file: BinaryIO, name: str, damage: Damage) -> Iterator[bytes]:
             return
     if not unpacker.eof:
         damage.add("gzip streams without an end", file=name, where=f"byte {file.tell()}")
+
+
+def _up_to_fault(unpacker: zlib._Decompress, packed: bytes) -> bytes:
+    """What a step gives byte by byte before its fault; all of it if only the checksum is wrong."""
+    given = bytearray()
+    try:
+        for at in range(len(packed)):
+            given += unpacker.decompress(packed[at : at + 1])
+    except zlib.error:
+        pass
+    return bytes(given)
 
 
 def read_lines(source: Source, damage: Damage) -> Iterator[tuple[int, bytes]]:

@@ -322,7 +322,7 @@ def test_gzip_cut_short_and_broken(tmp_path: Path) -> None:
     assert log.damage.counts
     path.write_bytes(packed[:-8] + b"12345678")  # a wrong checksum shows at the end
     records, log = read(str(path))
-    assert 190 < len(scans_of(records)) < 200
+    assert len(scans_of(records)) == 199
     assert "gzip streams broken off, the rest is lost" in log.damage.counts
     with pytest.raises(FormatError, match="gzip stream"):
         read(str(path), strict=True)
