@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections.abc import Iterable
@@ -141,6 +142,7 @@ def test_strict_refuses_a_truncated_log(capsys: pytest.CaptureFixture[str]) -> N
 def test_an_unknown_compression(capsys: pytest.CaptureFixture[str]) -> None:
     assert CORRIDOR_BYTES.count(b"\x04\0\0\0zstd") > 1
     data = CORRIDOR_BYTES.replace(b"\x04\0\0\0zstd", b"\x04\0\0\0gzip")
+    data = data.replace(b"\x28\xb5\x2f\xfd", b"\x1f\x8b\x08\x00")
     Path("odd.mcap").write_bytes(data[:-12] + bytes(4) + data[-8:])  # no checksum of the index
     assert replay("odd.mcap") == 1
     line = complaint(capsys)
@@ -159,8 +161,29 @@ def test_scans_that_cannot_be_used_are_accounted_for(capsys: pytest.CaptureFixtu
         "scans without beams, skipped": 1,
         "messages on /scan without readable content": 1,
     }
-    assert "        scans  4 of 6 used (66.7 %)\n" in capsys.readouterr().err
+    assert summary["lost_share"] == 0.166667  # a scan without beams was read, and had none
+    said = capsys.readouterr().err
+    assert "        scans  4 of 6 used (66.7 %)\n" in said
+    assert "         lost  16.7 % of the log's scans, to damage\n" in said
     assert replay("-q", log, "--fail-if", "used_share<0.95") == 3
+    assert replay("-q", log, "--fail-if", "lost_share>0.1") == 3
+    assert replay("-q", log, "--fail-if", "lost_share>0.2") == 0
+
+
+def test_damage_is_told_with_q_too(capsys: pytest.CaptureFixture[str]) -> None:
+    messages = [m for t in range(1, 51) for m in (odom(t), scan(t, [2.0 + t / 99] * 90))]
+    data = Path(mcap_file(Path(), *messages)).read_bytes()
+    half = len(data) // 2
+    Path("hole.mcap").write_bytes(data[:half] + data[half + 100 :])
+    assert replay("-q", "hole.mcap", "--json", "t.json", "--fail-if", "used_share<1") == 3
+    *warnings, complaint = capsys.readouterr().err.splitlines()
+    assert all(line.startswith("Warning: hole.mcap: ") for line in warnings)
+    summary = json.loads(Path("t.json").read_text())["summary"]
+    lost = summary["skipped"]["scans lost in damaged parts of the file"]
+    assert summary["scans"] == summary["used"] + lost == 50
+    assert summary["lost_share"] == round(lost / 50, 6) > 0
+    assert f"Warning: hole.mcap: {lost} scans lost in damaged parts of the file" in warnings
+    assert complaint.startswith("Error: hole.mcap: used_share is 0.")
 
 
 def test_stamps_that_jump_back_a_little_are_put_in_order() -> None:

@@ -2,112 +2,158 @@
 
 from __future__ import annotations
 
-import struct
 import zlib
-from collections.abc import Callable, Iterator
-from typing import BinaryIO
+from io import BytesIO
+from typing import BinaryIO, NamedTuple
 
 import lz4.frame
 import zstandard
 from mcap.opcode import Opcode
 
 from mapcli.formats.logs.mcap.container_records import (
-    MESSAGE,
     RECORD,
     ChunkHead,
     Segment,
     chunk_head,
 )
+from mapcli.formats.logs.mcap.frames import lz4_start, zstd_start
+from mapcli.formats.logs.mcap.places import LEAST_LENGTHS, Channels, places
 
 MAX_UNPACKED_BYTES = 1 << 30
 """No recorder writes larger chunks; a broken size must not exhaust the memory."""
-
-_STEP_BYTES = 4096
+USED = frozenset(
+    map(int, (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.STATISTICS, Opcode.CHUNK_INDEX))
+)
+"""Records in chunks and in the summary that are of use."""
+MAX_RATIO, LEAST_LIMIT_BYTES = 500, 1 << 24
+"""Nor does a chunk of more than 16 MB hold 500 times its size."""
 
 
 class ChunkError(Exception):
-    """A chunk cannot be used; the text completes "chunks ..."."""
+    """A chunk is damaged; the text completes "chunks ..."."""
 
 
-def unpacked(file: BinaryIO, segment: Segment) -> bytes:
+class Content(NamedTuple):
     """The records of a segment, one after another.
 
-    Of an incomplete chunk, what can be unpacked of its part.
-
-    Raises:
-        ChunkError: wrong checksum, unknown compression, broken data.
+    Attributes:
+        trouble: why they may be wrong or not all; completes "chunks ...".
     """
+
+    data: bytes
+    trouble: str | None = None
+
+
+def unpacked(file: BinaryIO, segment: Segment) -> Content:
+    """What a segment contains; of a damaged or incomplete chunk, as much as can be unpacked."""
     if not segment.chunk:
         file.seek(segment.offset)
-        return file.read(segment.end - segment.offset)
+        return Content(file.read(segment.end - segment.offset))
     head = chunk_head(file, segment.offset)
     if head is None:
-        raise ChunkError("with a broken head")
-    if head.compression not in ("", "zstd", "lz4"):
-        raise ChunkError(f"with unknown compression {head.compression[:20]!r}")
+        return Content(b"", "with a broken head")
     file.seek(head.data)
-    packed = file.read(min(head.size, segment.end - head.data))
+    room = max(segment.end - head.data, 0)
+    packed = file.read(min(head.size, room) if head.consistent else room)
     if not segment.complete:
-        return _begun(packed, head)
-    data = _whole(packed, head)
+        return Content(_begun(packed, head))
+    if not segment.whole and head.compression == "":
+        return _grown(file, packed, head, room)
+    try:
+        data = _whole(packed, head)
+    except ChunkError as error:
+        return Content(_begun(packed, head), str(error))
     if head.checksum and zlib.crc32(data) != head.checksum:
-        raise ChunkError("with a wrong checksum")
-    return data
+        if len(data) != head.unpacked_size and head.compression == "lz4":
+            # Bytes are in wrong places from the fault on, though the frame looks sound.
+            return Content(_begun(packed, head), "with broken data")
+        return Content(data, "with a wrong checksum")
+    return Content(data)
+
+
+def _grown(file: BinaryIO, packed: bytes, head: ChunkHead, room: int) -> Content:
+    """An uncompressed chunk that may end later than it says, if its checksum does not agree."""
+    if head.checksum and zlib.crc32(packed) == head.checksum:
+        return Content(packed)
+    file.seek(head.data)
+    return Content(file.read(room), "with broken data")
 
 
 def _whole(packed: bytes, head: ChunkHead) -> bytes:
+    limit = _limit(packed)
     try:
         if head.compression == "zstd":
-            _refuse_giants(zstandard.frame_content_size(packed))
-            size = max(min(head.unpacked_size, MAX_UNPACKED_BYTES), 1)
+            _refuse_giants(zstandard.frame_content_size(packed), limit)
+            size = max(min(head.unpacked_size, limit), 1)
             return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
         if head.compression == "lz4":
-            _refuse_giants(lz4.frame.get_frame_info(packed)["content_size"])
-            return bytes(lz4.frame.decompress(packed))
+            _refuse_giants(lz4.frame.get_frame_info(packed)["content_size"], limit)
+            return _whole_lz4(packed, limit)
     except (zstandard.ZstdError, RuntimeError, ValueError, MemoryError, EOFError) as error:
         raise ChunkError("with broken data") from error
+    if head.compression:
+        raise ChunkError(f"with unknown compression {head.compression[:20]!r}")
+    if len(packed) < head.size or not head.consistent:
+        raise ChunkError("with broken data")
     return packed
 
 
-def _refuse_giants(size: int) -> None:
-    if size > MAX_UNPACKED_BYTES:
+def _whole_lz4(packed: bytes, limit: int) -> bytes:
+    unpacker = lz4.frame.LZ4FrameDecompressor()
+    data = bytes(unpacker.decompress(packed, max_length=limit))
+    if not unpacker.eof:
+        raise ChunkError("with broken data")
+    return data
+
+
+def _limit(packed: bytes) -> int:
+    """Bytes that a chunk's content has at most."""
+    return min(MAX_UNPACKED_BYTES, max(LEAST_LIMIT_BYTES, MAX_RATIO * len(packed)))
+
+
+def _refuse_giants(size: int, limit: int) -> None:
+    if size > limit:
         raise ChunkError("with broken data")
 
 
 def _begun(packed: bytes, head: ChunkHead) -> bytes:
-    """The part of a chunk's content that its first bytes hold."""
-    if not head.compression:
-        return packed
-    step: Callable[[bytes], bytes]
-    if head.compression == "zstd":
-        step = zstandard.ZstdDecompressor().decompressobj().decompress
-    else:
-        step = lz4.frame.LZ4FrameDecompressor().decompress
-    parts: list[bytes] = []
-    try:
-        for at in range(0, len(packed), _STEP_BYTES):
-            parts.append(step(packed[at : at + _STEP_BYTES]))
-            if sum(map(len, parts)) > MAX_UNPACKED_BYTES:
-                break
-    except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError):
-        pass  # what was unpacked before the damage is all there is
-    return b"".join(parts)
+    """The part of a chunk's content that is readable, from its start."""
+    compression = head.compression if head.compression in ("", "zstd", "lz4") else head.packed_as
+    if compression == "zstd":
+        return zstd_start(packed, _limit(packed))
+    if compression == "lz4":
+        return lz4_start(packed, _limit(packed))
+    return b"" if compression else packed
 
 
-def records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """(opcode, start, end) of the contents of the records in unpacked data.
+def records(data: bytes, channels: Channels = ()) -> tuple[list[tuple[int, int, int]], bool]:
+    """(opcode, start, end) of the contents of records in unpacked data, and whether it is sound.
 
-    Raises:
-        ChunkError: a record leads beyond the end.
+    Where a record leads nowhere, reading goes on at the next one that makes sense.
     """
+    found = _sound_records(data)
+    if found is not None:
+        return found, True
+    walked = places(BytesIO(data), 0, len(data), channels, finished=True)
+    return [
+        (place.opcode, place.offset + RECORD.size, place.end)
+        for place in walked
+        if place.opcode in USED and place.complete
+    ], False
+
+
+def _sound_records(data: bytes) -> list[tuple[int, int, int]] | None:
+    """The same if each record leads to the next and the last one to the end."""
+    found = []
+    unpack, head, least = RECORD.unpack_from, RECORD.size, LEAST_LENGTHS
     at, end = 0, len(data)
-    while at < end:
-        try:
-            opcode, length = RECORD.unpack_from(data, at)
-        except struct.error:
-            raise ChunkError("that end within a record") from None
-        at += RECORD.size
-        if length > end - at or (opcode == Opcode.MESSAGE and length < MESSAGE.size):
-            raise ChunkError("that end within a record")
-        yield opcode, at, at + length
-        at += length
+    last = end - head
+    while at <= last:
+        opcode, length = unpack(data, at)
+        start = at + head
+        at = start + length
+        if not opcode or at > end or length < least.get(opcode, 0):
+            return None
+        if opcode in USED:
+            found.append((opcode, start, at))
+    return found if at == end else None

@@ -24,6 +24,11 @@ CHUNK = struct.Struct("<QQQII")
 """Start and end time, unpacked size, checksum, length of the compression's name."""
 MESSAGE = struct.Struct("<HIQQ")
 """Channel, sequence, log time, publish time."""
+MAX_NAME_BYTES = 64
+NAME_LENGTHS = len("zstd"), len("lz4"), 0
+MAGICS = {b"\x28\xb5\x2f\xfd": "zstd", b"\x04\x22\x4d\x18": "lz4"}
+"""First bytes of a chunk's content -> how it is compressed."""
+
 INDEX = struct.Struct("<HI")
 """Channel, bytes of entries (16 each: log time, offset)."""
 
@@ -35,12 +40,15 @@ class Place:
     Attributes:
         offset: of its opcode.
         end: of the byte after it; the file's end when it is cut short.
+        complete: False where it leads beyond the file's end.
+        whole: False for a chunk whose head is broken or whose end is elsewhere than it says.
     """
 
     opcode: int
     offset: int
     end: int
     complete: bool = True
+    whole: bool = True
 
 
 @dataclass(slots=True)
@@ -52,7 +60,10 @@ class Segment:
         start_ns, end_ns: log times, as far as told.
         chunk: whether it is one; otherwise message records stand there as they are.
         complete: False for the chunk at which a truncated file ends.
-        counts: messages by channel, as indexed behind a chunk; empty when not told.
+        whole: False for a chunk whose head is broken or whose end is elsewhere than it says.
+        told: messages by channel, as the index behind a chunk tells.
+        counts: messages by channel that are relied on; None when not known.
+        surveyed: whether its damage was told when the file was opened.
     """
 
     offset: int
@@ -61,12 +72,20 @@ class Segment:
     end_ns: int
     chunk: bool
     complete: bool = True
-    counts: dict[int, int] = field(default_factory=dict)
+    whole: bool = True
+    told: dict[int, int] = field(default_factory=dict)
+    counts: dict[int, int] | None = None
+    surveyed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class ChunkHead:
-    """What a chunk says of itself; `data` is the offset of its content, of `size` bytes."""
+    """What a chunk says of itself; `data` is the offset of its content, of `size` bytes.
+
+    Attributes:
+        length: of the record; `consistent` where it agrees with `size`.
+        packed_as: what the first bytes of its content say: zstd, lz4 or nothing.
+    """
 
     start_ns: int
     end_ns: int
@@ -75,25 +94,35 @@ class ChunkHead:
     compression: str
     data: int
     size: int
+    consistent: bool
+    packed_as: str
 
 
 def chunk_head(file: BinaryIO, offset: int) -> ChunkHead | None:
-    """The head of the chunk at an offset; None if its two lengths contradict each other."""
+    """The head of the chunk at an offset, whatever its opcode; None if there cannot be one."""
     file.seek(offset)
-    head = file.read(RECORD.size + CHUNK.size)
-    if len(head) < RECORD.size + CHUNK.size:
+    content = file.read(RECORD.size + CHUNK.size + MAX_NAME_BYTES + 8 + 4)
+    if len(content) < RECORD.size + CHUNK.size + 8:
         return None
-    _, length = RECORD.unpack_from(head)
-    start, end, unpacked_size, checksum, letters = CHUNK.unpack_from(head, RECORD.size)
-    tail = file.read(letters + 8) if letters <= 64 else b""
-    if len(tail) < letters + 8:
+    _, length = RECORD.unpack_from(content)
+    start, end, unpacked_size, checksum, told = CHUNK.unpack_from(content, RECORD.size)
+    name = RECORD.size + CHUNK.size
+    sizes = {
+        letters: int.from_bytes(content[name + letters :][:8], "little")
+        for letters in (told, *NAME_LENGTHS)  # the one told may be broken, too
+        if letters <= MAX_NAME_BYTES and name + letters + 8 <= len(content)
+    }
+    agreeing = [n for n, size in sizes.items() if CHUNK.size + n + 8 + size == length]
+    letters = agreeing[0] if agreeing else told
+    if letters not in sizes:
         return None
-    size = int.from_bytes(tail[letters:], "little")
-    if CHUNK.size + letters + 8 + size != length:
-        return None
-    data = offset + RECORD.size + CHUNK.size + letters + 8
-    compression = tail[:letters].decode("utf-8", "replace")
-    return ChunkHead(start, end, unpacked_size, checksum, compression, data, size)
+    data = name + letters + 8
+    return ChunkHead(
+        start, end, unpacked_size, checksum,
+        content[name : name + letters].decode("utf-8", "replace"), offset + data, sizes[letters],
+        consistent=bool(agreeing),
+        packed_as=MAGICS.get(content[data : data + 4], ""),
+    )  # fmt: skip
 
 
 def add_description(

@@ -119,18 +119,22 @@ class McapLog(Log):
             for carrier, number in self._topics[topic]
             if carrier is file
         }
-        for log_time, number, data in file.messages(set(carried), damage):
+        scans = {number for number, (topic, _) in carried.items() if topic.role == "scan"}
+        for log_time, number, data in file.messages(set(carried), damage, scans):
             topic, decoder = carried[number]
             try:
                 yield log_time, topic, decoder(data)
             except ValueError:
                 where = f"at {log_time / NANOSECONDS:.3f} s"
                 what = f"messages on {topic.name} without readable content"
-                damage.add(what, loss=_loss(topic), file=file.source.name, where=where)
+                loss = Loss.LOST_SCAN if topic.role == "scan" else Loss.OTHER
+                damage.add(what, loss=loss, file=file.source.name, where=where)
 
     def _records(self) -> Iterator[Record]:
         for what, times in self._structure.counts.items():
             self.damage.add(what, times, where=self._structure.first.get(what))
+        if not all(file.complete for file in self._files):
+            self.note("how many scans the damaged log held is not known")
         scan, odom = self.require_scan_topic(), self.find_odom_topic()
         self.delays = {topic.name: Delay() for topic in (scan, odom) if topic is not None}
         robot = self._known_robot(odom)
