@@ -38,7 +38,7 @@ class Crop(NumberList):
         return value if value == "known" else super().convert(value, param, ctx)
 
 
-class MergeType(click.ParamType[Any]):
+class MergeType(click.Path):
     """`MAP`, `MAP@X,Y,YAW_DEG` or `MAP@search`: a file, and how its world is moved."""
 
     name = "MAP[@X,Y,YAW_DEG|@search]"
@@ -46,7 +46,7 @@ class MergeType(click.ParamType[Any]):
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
         return self.name
 
-    def convert(self, value: Any, param: Any, ctx: Any) -> tuple[str, Pose2D | str | None]:
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
         if isinstance(value, tuple):
             return value
         file, _, motion = str(value).rpartition("@")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -59,11 +60,11 @@ def write_map(
 
 def _spare_inputs(inputs: Sequence[Path], files: dict[str, Pieces], target: Path) -> None:
     """Refuse to change a file of IN that the user did not name as OUT, such as its image."""
-    if target.resolve() == inputs[0].resolve():
+    if os.path.realpath(target) == os.path.realpath(inputs[0]):
         return
-    known = {path.resolve(): path for path in inputs if str(path) != "-"}
+    known = {os.path.realpath(path): path for path in inputs if str(path) != "-"}
     for name, pieces in files.items():
-        mine = known.get((target.parent / name).resolve())
+        mine = known.get(os.path.realpath(target.parent / name))
         if mine is not None and _differs(mine, pieces):
             raise OutputError("is part of IN and would change", file=mine, expected="another OUT")
 

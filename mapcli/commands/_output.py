@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -30,9 +31,9 @@ def check_outputs(
         OutputError: one of the inputs, or as of `check_output`.
     """
     sources = read_files(inputs)
-    taken: set[str | Path] = set()
+    taken: set[str] = set()
     for name in files:
-        place = name if name == "-" else Path(name).resolve()
+        place = name if name == "-" else os.path.realpath(name)
         if place in taken:
             where = "standard output" if name == "-" else name
             raise click.UsageError(f"Two results cannot both be written to {where}.")
@@ -48,7 +49,7 @@ def read_files(inputs: Iterable[str]) -> list[Path]:
     for path in (Path(name) for name in inputs if name != "-"):
         files.append(path)
         if path.is_dir():
-            files += [inner for inner in path.rglob("*") if inner.is_file()]
+            files += [inner for inner in path.iterdir() if inner.is_file()]
         elif path.suffix.lower() in (".yaml", ".yml") and path.is_file():
             with path.open("rb") as file:
                 image = IMAGE.search(file.read(1 << 16))
@@ -64,7 +65,7 @@ IMAGE = re.compile(rb"^\s*image\s*:\s*[\"']?([^\"'#\n\r]+)", re.MULTILINE)
 def _is_same(name: str, other: Path) -> bool:
     """Whether two names are of one regular file, however they are spelt."""
     path = Path(name)
-    if path.resolve() == other.resolve():
+    if os.path.realpath(path) == os.path.realpath(other):
         return True
     return path.is_file() and other.is_file() and path.samefile(other)
 

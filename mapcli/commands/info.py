@@ -105,7 +105,8 @@ def _first_bytes(file: str) -> bytes:
         # Looked at, not taken: the reader that is chosen reads from the first byte on.
         return standard_input().peek(1)
     try:
-        with reopenable(Path(file)).path.open("rb") as opened:
+        source = reopenable(Path(file))
+        with source.path.open("rb") as opened:
             return opened.read(1 << 16)
     except OSError:
         return b""  # the map reader says what is wrong

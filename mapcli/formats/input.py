@@ -6,13 +6,14 @@ import gzip
 import hashlib
 import stat
 import sys
-import tempfile
+import weakref
 import zlib
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
+from tempfile import NamedTemporaryFile, TemporaryFile
 from typing import IO, cast
 
 from mapcli.errors import FormatError
@@ -22,6 +23,10 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 """How files of these formats start."""
 
 SPOOLED_BYTES = 1 << 16
+
+OPEN_FILES = Path("/proc/self/fd")
+"""Linux's folder of the files that this process has open, each to be opened once more from its
+start; a copy of the descriptor, as elsewhere, would share its position."""
 
 ReadBytes = Callable[[Path], bytes]
 """Where the bytes of a path come from: `read_file`, or something that does more with them."""
@@ -39,7 +44,8 @@ def read_file(path: Path, expected: str = "a map file") -> bytes:
         if _is_endless(path):
             raise FormatError("is a device", file=path, expected=expected)
         path = path.expanduser() if path.parts[:1] == ("~",) else path
-        return reopenable(path).path.read_bytes()
+        file = reopenable(path)
+        return file.path.read_bytes()
     except IsADirectoryError as error:
         raise FormatError("is a directory", file=path, expected=expected) from error
     except FileNotFoundError as error:
@@ -67,7 +73,7 @@ class Reopenable:
 
     Attributes:
         path: where its bytes are.
-        keeps: the temporary file of a pipe, which is deleted with the last reference to it.
+        keeps: with the last reference to it, the temporary file of a pipe is gone.
     """
 
     path: Path
@@ -120,12 +126,21 @@ def reopenable(path: Path) -> Reopenable:
 
 
 def spooled(blocks: Iterable[bytes]) -> Reopenable:
-    """Bytes in a temporary file."""
-    file: IO[bytes] = tempfile.NamedTemporaryFile(prefix="mapcli-")  # noqa: SIM115 (lives on)
+    """Bytes in a temporary file: one without a name, so that nothing stays of a run that is
+    killed, where the system has a way to open such a file again."""
+    has_name = not OPEN_FILES.is_dir()
+    make: Callable[..., IO[bytes]] = NamedTemporaryFile if has_name else TemporaryFile
+    file = make(prefix="mapcli-")
     for block in blocks:
         file.write(block)
     file.flush()
-    return Reopenable(Path(file.name), file)
+    lifetime = _Lifetime()
+    weakref.finalize(lifetime, file.close)
+    return Reopenable(Path(file.name) if has_name else OPEN_FILES / str(file.fileno()), lifetime)
+
+
+class _Lifetime:
+    """Its end is that of a temporary file."""
 
 
 def _is_endless(path: Path) -> bool:

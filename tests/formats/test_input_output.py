@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import os
+import tempfile
+import threading
 from pathlib import Path
 
 import pytest
 
 from mapcli.errors import FormatError, OutputError
-from mapcli.formats.input import DigestingReader, read_file, unpacked
+from mapcli.formats.input import DigestingReader, read_file, spooled, unpacked
 from mapcli.formats.output import check_output, output_file, write_bytes, write_files
 
 
@@ -82,3 +85,32 @@ def test_gzip_is_unpacked_by_content() -> None:
     assert unpacked(packed, "a") == unpacked(b"content", "a") == b"content"
     with pytest.raises(FormatError, match=r"a: cannot be unpacked: .*; expected gzip"):
         unpacked(packed[:-9], "a")
+
+
+def test_a_pipe_is_read_without_a_command(tmp_path: Path) -> None:
+    fifo = tmp_path / "map.txt"
+    os.mkfifo(fifo)
+    writer = threading.Thread(target=fifo.write_bytes, args=[b"0 1\n"])
+    writer.start()
+    assert read_file(fifo) == b"0 1\n"
+    writer.join()
+
+
+def test_the_copy_of_a_pipe_has_no_name_that_could_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    copy = spooled([b"one ", b"two"])
+    assert [copy.path.read_bytes(), copy.path.read_bytes()] == [b"one two", b"one two"]
+    assert not list(tmp_path.iterdir())
+
+
+def test_where_there_is_no_proc_the_copy_goes_with_its_last_reference(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr("mapcli.formats.input.OPEN_FILES", tmp_path / "none")
+    copy = spooled([b"one"])
+    assert copy.path.read_bytes() == b"one"
+    del copy
+    assert not list(tmp_path.iterdir())

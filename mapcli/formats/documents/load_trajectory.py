@@ -6,7 +6,6 @@ poses such as those that `mapcli simulate` writes. Plain or gzip.
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +14,7 @@ import numpy as np
 from mapcli.errors import FormatError
 from mapcli.formats.documents.pose_trace import read_trace_poses
 from mapcli.formats.documents.trajectory_text import EXPECTED, read_trajectory
-from mapcli.formats.input import MCAP_MAGIC, read_file, sha256_of, unpacked
+from mapcli.formats.input import MCAP_MAGIC, read_file, sha256_of, spooled, unpacked
 from mapcli.model.trajectory import Trajectory
 
 
@@ -61,10 +60,8 @@ def _from_mcap(data: bytes, file: str, topic: str | None) -> tuple[Trajectory, t
     from mapcli.model.log import Damage
 
     damage = Damage()
-    with tempfile.NamedTemporaryFile(prefix="mapcli-") as copy:  # MCAP needs random access
-        copy.write(data)
-        copy.flush()
-        trajectory = read_mcap_poses(Source(file, Path(copy.name)), topic, damage)
+    copy = spooled([data])  # MCAP needs random access
+    trajectory = read_mcap_poses(Source(file, copy.path, copy), topic, damage)
     return trajectory, tuple(damage.lines())
 
 

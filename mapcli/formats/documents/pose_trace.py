@@ -57,6 +57,8 @@ def torn_files(trace: Path) -> list[str]:
     """Files beside a trace that are not those that were written with it, by their digests: the
     run that wrote them was killed, or another one wrote over them. Empty where nothing is known.
     """
+    if not trace.is_file():  # nothing lies beside a pipe
+        return []
     try:
         content = json.loads(trace.read_bytes())
         files = content["files"] if content["format"] == POSE_TRACE else []
