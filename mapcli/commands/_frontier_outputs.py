@@ -10,7 +10,7 @@ import click
 
 from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
 from mapcli.commands._output import check_outputs
-from mapcli.formats.output import write_bytes, write_files
+from mapcli.formats.output import output_set
 from mapcli.model.exploration import Exploration, coverage_curve
 from mapcli.model.grid import GridMap
 
@@ -101,29 +101,17 @@ def write_outputs(
     """
     strategies = [parameters.strategy for parameters in runs]
     written = []
-    for parameters, exploration in runs.items():
-        for option, name in outputs.named().items():
-            if option != "--curve":
-                file = file_for(name, parameters.strategy, strategies)
-                files = contents(option, file, exploration, parameters, inputs)
-                written += write_all(file, files, no_clobber=no_clobber)
-    if outputs.curve is not None:
-        data = curve_content(outputs.curve, runs)
-        written += write_all(outputs.curve, {outputs.curve: data}, no_clobber=no_clobber)
-    return written
-
-
-def write_all(file: str, files: Mapping[str, bytes], *, no_clobber: bool) -> list[str]:
-    if file == "-":
-        (data,) = files.values()
-        write_bytes("-", data)
-        return []
-    folder = Path(file).parent
-    folder.mkdir(parents=True, exist_ok=True)
-    write_files(
-        folder, {Path(name).name: data for name, data in files.items()}, no_clobber=no_clobber
-    )
-    return [str(folder / Path(name).name) for name in files]
+    with output_set(no_clobber=no_clobber) as results:
+        for parameters, exploration in runs.items():
+            for option, name in outputs.named().items():
+                if option != "--curve":
+                    file = file_for(name, parameters.strategy, strategies)
+                    files = contents(option, file, exploration, parameters, inputs)
+                    written += results.write_beside(file, files)
+        if outputs.curve is not None:
+            results.write(outputs.curve, curve_content(outputs.curve, runs))
+            written.append(outputs.curve)
+    return [name for name in written if name != "-"]
 
 
 def contents(
@@ -133,20 +121,21 @@ def contents(
     parameters: ExplorationParameters,
     inputs: Mapping[str, str],
 ) -> dict[str, bytes]:
-    """The files of one exploration for one option: name -> content."""
+    """The files of one exploration for one option: name without its folder -> content."""
+    name = file if file == "-" else Path(file).name
     small = max(exploration.after.cells.shape) <= BOOK_SIDE
     if option == "--json":
         from mapcli.formats.documents.exploration_trace import write_trace
 
-        return {file: write_trace(exploration, inputs, asdict(parameters))}
+        return {name: write_trace(exploration, inputs, asdict(parameters))}
     if option == "--png":
         from mapcli.pictures.exploration import exploration_picture
 
-        return {file: exploration_picture(exploration, small=small, low=parameters.low)}
+        return {name: exploration_picture(exploration, small=small, low=parameters.low)}
     if option == "--gif":
         from mapcli.pictures.exploration_gif import exploration_gif
 
-        return {file: exploration_gif(exploration, small=small, low=parameters.low)}
+        return {name: exploration_gif(exploration, small=small, low=parameters.low)}
     return map_files(file, exploration.after)
 
 

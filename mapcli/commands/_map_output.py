@@ -10,7 +10,8 @@ from typing import Any
 import click
 
 from mapcli.errors import DataError, OutputError
-from mapcli.formats.maps.save import SUFFIXES, Pieces, SaveOptions, map_files, save_map
+from mapcli.formats.maps.save import SUFFIXES, Pieces, SaveOptions, map_files
+from mapcli.formats.output import OutputSet
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 
@@ -44,18 +45,20 @@ def save_options(target: str, given: dict[str, Any]) -> SaveOptions:
 
 
 def write_map(
-    grid: GridMap, target: str, options: SaveOptions, inputs: Sequence[Path], *, no_clobber: bool
+    grid: GridMap, target: str, options: SaveOptions, inputs: Sequence[Path], outputs: OutputSet
 ) -> list[str]:
     """Write a map, and give the names of its files.
 
     Args:
         inputs: what the map was made of, the file that the user named first.
+        outputs: the files of the command.
 
     Raises:
         OutputError: a file cannot be written, or is part of the input.
     """
-    _spare_inputs(inputs, map_files(grid, target, options), Path(target))
-    return save_map(grid, target, options, no_clobber=no_clobber)
+    files = map_files(grid, target, options)
+    _spare_inputs(inputs, files, Path(target))
+    return outputs.write_beside(target, files)
 
 
 def _spare_inputs(inputs: Sequence[Path], files: dict[str, Pieces], target: Path) -> None:

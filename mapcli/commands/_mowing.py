@@ -14,7 +14,7 @@ from mapcli.commands._output import check_outputs, progress
 from mapcli.commands._say import say_lines
 from mapcli.errors import DataError
 from mapcli.formats.input import sha256_of
-from mapcli.formats.output import write_bytes
+from mapcli.formats.output import output_set
 from mapcli.model.world import World
 
 if TYPE_CHECKING:
@@ -99,21 +99,27 @@ def _write(
 
         first = mowings[min(1, len(mowings) - 1)].runs[0]
         save_log(mower_log(plan, first, wheels.rate), out, no_clobber=no_clobber)
-    if given["png"]:
-        from mapcli.pictures.mowing import mowing_picture
+    with output_set(no_clobber=no_clobber) as results:
+        if given["png"]:
+            from mapcli.pictures.mowing import mowing_picture
 
-        write_bytes(given["png"], mowing_picture(plan, mowings[:2]), no_clobber=no_clobber)
-    if given["json"]:
-        from mapcli.formats.documents.json_document import document, json_bytes
+            results.write(given["png"], mowing_picture(plan, mowings[:2]))
+        if given["json"]:
+            results.write(given["json"], _json(plan, mowings, given, digest))
 
-        names = ("seed", "runs", "mow_width", "landmarks", "landmark_size", "speed",
-                 "turn_rate_deg", "odom_rate", "odom_noise", "odom_scale", "odom_turn_scale",
-                 "odom_drift_deg")  # fmt: skip
-        content = {"lanes": plan.lanes, "distance_m": round(plan.distance, 6),
-                   "mowings": [mowing.document() for mowing in mowings]}  # fmt: skip
-        parameters = {name: given[name] for name in names}
-        report = document("mapcli.mowing", digest, parameters, content)
-        write_bytes(given["json"], json_bytes(report), no_clobber=no_clobber)
+
+def _json(
+    plan: MowingPlan, mowings: list[Mowing], given: dict[str, Any], digest: dict[str, str]
+) -> bytes:
+    from mapcli.formats.documents.json_document import document, json_bytes
+
+    names = ("seed", "runs", "mow_width", "landmarks", "landmark_size", "speed", "turn_rate_deg",
+             "odom_rate", "odom_noise", "odom_scale", "odom_turn_scale",
+             "odom_drift_deg")  # fmt: skip
+    content = {"lanes": plan.lanes, "distance_m": round(plan.distance, 6),
+               "mowings": [mowing.document() for mowing in mowings]}  # fmt: skip
+    parameters = {name: given[name] for name in names}
+    return json_bytes(document("mapcli.mowing", digest, parameters, content))
 
 
 def report_lines(plan: MowingPlan, mowings: list[Mowing]) -> list[str]:

@@ -13,7 +13,7 @@ from typing import TypeVar
 import click
 
 from mapcli.errors import OutputError
-from mapcli.formats.output import check_output
+from mapcli.formats.output import check_output, descriptor_of
 
 Item = TypeVar("Item")
 
@@ -31,9 +31,10 @@ def check_outputs(
         OutputError: one of the inputs, or as of `check_output`.
     """
     sources = read_files(inputs)
-    taken: set[str] = set()
+    taken: set[str | int] = set()
     for name in files:
-        place = name if name == "-" else os.path.realpath(name)
+        stream = descriptor_of(name)
+        place = os.path.realpath(name) if stream is None else stream
         if place in taken:
             where = "standard output" if name == "-" else name
             raise click.UsageError(f"Two results cannot both be written to {where}.")

@@ -105,9 +105,6 @@ def write_outputs(
         OutputError: a file cannot be written.
     """
     contents = {**_contents(outputs, replayed), **others}
-    for name in [*contents, *filter(None, [outputs.json])]:
-        if name != "-":
-            Path(name).parent.mkdir(parents=True, exist_ok=True)
     with output_set(no_clobber=no_clobber) as files:
         digests = {name: files.write(name, content) for name, content in contents.items()}
         if outputs.json:

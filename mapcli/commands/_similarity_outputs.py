@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, replace
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from mapcli.algorithms.similarity.grid_table import pose_in_cells
 from mapcli.algorithms.similarity.local_maxima import window_scores
 from mapcli.algorithms.similarity.map_excerpt import crop_to_perception
 from mapcli.algorithms.similarity.ternary_map import ternary_cells
-from mapcli.commands._frontier_outputs import map_files, write_all
+from mapcli.commands._frontier_outputs import map_files
 from mapcli.commands._similarity_inputs import Loaded
 from mapcli.errors import DataError
 from mapcli.formats.documents.similarity_table import (
@@ -184,8 +185,8 @@ def _best_of(answer: Answer) -> ScoredCandidate:
     return best
 
 
-def write_update(name: str, answer: Answer, *, no_clobber: bool) -> None:
-    """Write the map after the update.
+def updated_map(name: str, answer: Answer) -> dict[str, bytes]:
+    """The files of the map after the update: name without its folder -> content.
 
     Raises:
         DataError: there is no best pose to write from.
@@ -199,9 +200,7 @@ def write_update(name: str, answer: Answer, *, no_clobber: bool) -> None:
 
         added = [(p["from_best"]["x"], p["from_best"]["y"]) for p in answer.located()]
         points = np.concatenate([comparison.world.points, np.array(added).reshape(-1, 2)])
-        data = write_world(World(comparison.world.polygons, points))
-        write_all(name, {name: data}, no_clobber=no_clobber)
-        return
+        return {PurePath(name).name: write_world(World(comparison.world.polygons, points))}
     assert not isinstance(comparison, ReadingsInDatabase)
     grid = map_after(comparison, answer.best, answer.scoring.low)
-    write_all(name, map_files(name, grid), no_clobber=no_clobber)
+    return map_files(name, grid)

@@ -19,7 +19,7 @@ from mapcli.commands._options import (
 )
 from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say, warn
-from mapcli.formats.output import write_bytes
+from mapcli.formats.output import output_set
 from mapcli.model.comparison import LIMIT_FIELDS, STATES, Comparison
 from mapcli.model.grid import OCCUPIED_THRESHOLD
 from mapcli.model.summary import Limit
@@ -76,14 +76,14 @@ def command(
     digests: dict[str, str] = {}
     maps = [load_map(file, dialect=dialect, read=hashing(digests)) for file in (a, b)]
     comparison = compare(maps[0].grid, maps[1].grid, align=align, threshold=low)
-    if png:
-        from mapcli.pictures.difference import difference_picture
+    with output_set(no_clobber=no_clobber) as results:
+        if png:
+            from mapcli.pictures.difference import difference_picture
 
-        picture = difference_picture(comparison.pairs, _names(a, b))
-        write_bytes(png, picture, no_clobber=no_clobber)
-    if json_file:
-        content = _json(comparison, digests, {"align": align, "low": low, "dialect": dialect})
-        write_bytes(json_file, content, no_clobber=no_clobber)
+            results.write(png, difference_picture(comparison.pairs, _names(a, b)))
+        if json_file:
+            parameters = {"align": align, "low": low, "dialect": dialect}
+            results.write(json_file, _json(comparison, digests, parameters))
     if not quiet:
         for file, loaded in zip((a, b), maps, strict=True):
             warn(file, loaded.warnings)

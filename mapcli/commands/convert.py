@@ -8,10 +8,12 @@ import click
 
 from mapcli.commands._map_output import DEFAULTS, loss_notes, save_options, write_map
 from mapcli.commands._options import FILE, POSE, Number, common_options, no_clobber_option
+from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say, warn
 from mapcli.formats.maps.dialects import DIALECTS
 from mapcli.formats.maps.map_image import MODES
 from mapcli.formats.maps.save import FORMATS, TRINARY_THRESHOLDS, WHOLE_SCALE
+from mapcli.formats.output import output_set
 from mapcli.model.pose import Pose2D
 
 SHARE = Number(0, 1)
@@ -100,9 +102,12 @@ def command(
     options = save_options(target, given)
     if resolution is not None and not resolution > 0:
         raise click.UsageError("--resolution must be more than 0.")
+    # IN may be OUT; its image is looked after when the map is written.
+    check_outputs([target], (), "maps", no_clobber=no_clobber)
     loaded = load_map(source, dialect=dialect, resolution=resolution, origin=origin)
     grid = loaded.grid if threshold is None else binary_map(loaded.grid, threshold)
-    names = write_map(grid, target, options, loaded.files, no_clobber=no_clobber)
+    with output_set(no_clobber=no_clobber) as outputs:
+        names = write_map(grid, target, options, loaded.files, outputs)
     if not quiet:
         warn(source, loaded.warnings)
         for note in loss_notes(grid, target, options):

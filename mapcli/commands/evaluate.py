@@ -23,7 +23,7 @@ from mapcli.commands._options import (
 )
 from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say_lines
-from mapcli.formats.output import write_bytes
+from mapcli.formats.output import output_set
 from mapcli.model.evaluation import all_limit_fields, limit_fields
 from mapcli.model.summary import Limit
 
@@ -109,16 +109,17 @@ def command(
     if not quiet:
         lines = report_lines(evaluation, files.trace, run.against, parameters)
         say_lines(lines, err="-" in outputs)
-    if json_file is not None:
-        from mapcli.formats.documents.evaluation import evaluation_document
-        from mapcli.formats.documents.json_document import json_bytes
+    with output_set(no_clobber=no_clobber) as results:
+        if json_file is not None:
+            from mapcli.formats.documents.evaluation import evaluation_document
+            from mapcli.formats.documents.json_document import json_bytes
 
-        content = evaluation_document(evaluation, run.digests, run.effective_parameters())
-        write_bytes(json_file, json_bytes(content), no_clobber=no_clobber)
-    if png is not None:
-        from mapcli.pictures.evaluation import evaluation_picture
+            content = evaluation_document(evaluation, run.digests, run.effective_parameters())
+            results.write(json_file, json_bytes(content))
+        if png is not None:
+            from mapcli.pictures.evaluation import evaluation_picture
 
-        write_bytes(png, evaluation_picture(evaluation), no_clobber=no_clobber)
+            results.write(png, evaluation_picture(evaluation))
     for limit in limits:
         limit.check(evaluation.numbers(), Path(files.trace).name)
 

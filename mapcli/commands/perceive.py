@@ -136,8 +136,6 @@ def command(
             content = perception_at_intended(database, place, steps, turns_deg)
             said = f"1 pose, {database.of}"
         data = dump_perception(content, out)
-    if out != "-":
-        Path(out).parent.mkdir(parents=True, exist_ok=True)
     write_bytes(out, data, no_clobber=no_clobber)
     if not quiet:
         say(said)

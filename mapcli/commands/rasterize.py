@@ -20,7 +20,7 @@ from mapcli.commands._say import say
 from mapcli.errors import DataError
 from mapcli.formats.input import sha256_of
 from mapcli.formats.maps.save import SUFFIXES, SaveOptions, dump_map
-from mapcli.formats.output import write_beside, write_bytes
+from mapcli.formats.output import output_set
 from mapcli.model.grid import GridMap
 from mapcli.model.memory import Memory
 
@@ -86,15 +86,16 @@ def command(
         error.file = error.file or source
         raise
     files = dump_map(written, target, SaveOptions(format="txt" if target == "-" else None))
-    write_beside(target, files, no_clobber=no_clobber)
     memory, cells = Memory.of(world, grid), covered_cells_listed(grid, y_down=loaded.y_down)
+    with output_set(no_clobber=no_clobber) as results:
+        results.write_beside(target, files)
+        if json_file is not None:
+            parameters = {"min_cover": min_cover, "resolution": resolution,
+                          "y_down": loaded.y_down, "box": box}  # fmt: skip
+            data = _json(source, loaded.data, parameters, memory, cells)
+            results.write(json_file, data)
     if not quiet:
         _report(memory.rows(), cells, world, files, to_stderr="-" in outputs, verbose=verbose)
-    if json_file is not None:
-        parameters = {"min_cover": min_cover, "resolution": resolution, "y_down": loaded.y_down,
-                      "box": box}  # fmt: skip
-        data = _json(source, loaded.data, parameters, memory, cells)
-        write_bytes(json_file, data, no_clobber=no_clobber)
 
 
 def _json(

@@ -15,7 +15,7 @@ from mapcli.commands._say import say, warn
 from mapcli.errors import DataError
 from mapcli.formats.input import read_file, sha256_of
 from mapcli.formats.maps.save import SUFFIXES, SaveOptions, dump_map
-from mapcli.formats.output import write_beside, write_bytes
+from mapcli.formats.output import output_set
 from mapcli.model.counting import counted
 
 if TYPE_CHECKING:
@@ -115,13 +115,12 @@ def _trace(
     before = load_trace_poses(source)
     result = rectify_trace(before.poses, RectifyParameters(tolerance, shortest, loop))
     parameters = {"tolerance": tolerance, "shortest_wall": shortest, "loop": loop}
-    data = _dump_trace(source, target, before, result, parameters)
-    write_bytes(target, data, no_clobber=no_clobber)
-    if png:
-        from mapcli.pictures.before_after import rectified_trace_picture
+    with output_set(no_clobber=no_clobber) as outputs:
+        outputs.write(target, _dump_trace(source, target, before, result, parameters))
+        if png:
+            from mapcli.pictures.before_after import rectified_trace_picture
 
-        picture = rectified_trace_picture(before.poses[:, :2], result)
-        write_bytes(png, picture, no_clobber=no_clobber)
+            outputs.write(png, rectified_trace_picture(before.poses[:, :2], result))
     return _trace_lines(result, verbose=verbose)
 
 
@@ -171,11 +170,12 @@ def _map(
     grid = loaded.grid
     result = rectify_map(grid, tolerance)
     files = dump_map(result.grid, target, SaveOptions(format="txt" if target == "-" else None))
-    write_beside(target, files, no_clobber=no_clobber)
-    if png:
-        from mapcli.pictures.before_after import rectified_map_picture
+    with output_set(no_clobber=no_clobber) as outputs:
+        outputs.write_beside(target, files)
+        if png:
+            from mapcli.pictures.before_after import rectified_map_picture
 
-        write_bytes(png, rectified_map_picture(grid, result.grid), no_clobber=no_clobber)
+            outputs.write(png, rectified_map_picture(grid, result.grid))
     degrees = math.degrees(result.direction)
     return [
         ("walls", f"{degrees:+.2f} degrees from the map's x axis, and across"),

@@ -32,11 +32,11 @@ from mapcli.commands._options import (
 from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say, say_lines
 from mapcli.commands._similarity_inputs import Loaded, load_comparison
-from mapcli.commands._similarity_outputs import Answer, window_answer, write_png, write_update
+from mapcli.commands._similarity_outputs import Answer, updated_map, window_answer, write_png
 from mapcli.commands._similarity_report import notes, report_lines
 from mapcli.errors import DataError
 from mapcli.formats.maps.save import SUFFIXES
-from mapcli.formats.output import write_bytes
+from mapcli.formats.output import output_set
 from mapcli.model.grid import OCCUPIED_THRESHOLD
 
 FORMATS = ("table", "json", "csv", "markdown")
@@ -133,12 +133,13 @@ def command(
         if window is not None:
             answer = window_answer(answer, window)
         _print(answer, form, quiet=quiet, to_stderr="-" in outputs)
-        if json:
-            _save(json, answer.json(), no_clobber=no_clobber)
-        if png:
-            _save(png, write_png(answer), no_clobber=no_clobber)
-        if update:
-            write_update(update, answer, no_clobber=no_clobber)
+        with output_set(no_clobber=no_clobber) as results:
+            if json:
+                results.write(json, answer.json())
+            if png:
+                results.write(png, write_png(answer))
+            if update:
+                results.write_beside(update, updated_map(update, answer))
     for name in outputs if verbose else ():
         say(f"written: {name}")
 
@@ -163,12 +164,6 @@ def _print(answer: Answer, form: str, *, quiet: bool, to_stderr: bool) -> None:
         say(f"Warning: {text}")
     for text in () if quiet else notes(answer):
         say(f"Note: {text}")
-
-
-def _save(name: str, data: bytes, *, no_clobber: bool) -> None:
-    if name != "-":
-        Path(name).parent.mkdir(parents=True, exist_ok=True)
-    write_bytes(name, data, no_clobber=no_clobber)
 
 
 def _window(

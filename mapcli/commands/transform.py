@@ -6,7 +6,15 @@ from typing import Any
 
 import click
 
-from mapcli.commands._map_operations import MERGE, OPERATIONS, Crop, apply, hashing, parameters
+from mapcli.commands._map_operations import (
+    MERGE,
+    OPERATIONS,
+    Crop,
+    Result,
+    apply,
+    hashing,
+    parameters,
+)
 from mapcli.commands._map_output import loss_notes, save_options, write_map
 from mapcli.commands._options import (
     FILE,
@@ -22,7 +30,7 @@ from mapcli.commands._say import say
 from mapcli.formats.maps.dialects import DIALECTS
 from mapcli.formats.maps.map_image import MODES
 from mapcli.formats.maps.save import FORMATS
-from mapcli.formats.output import write_bytes
+from mapcli.formats.output import output_set
 
 
 class InOrder(click.Command):
@@ -133,20 +141,13 @@ def command(
     options = save_options(target, {"mode": mode, "dialect": dialect, "form": form})
     result = apply(loaded, digests, operations, dialect)
     moved = move_trace(trace[0], result.motion) if trace else None
-    names = write_map(result.grid, target, options, result.files, no_clobber=no_clobber)
-    if trace and moved:
-        write_bytes(trace[1], moved, no_clobber=no_clobber)
-        names.append(trace[1])
-    if json_file:
-        from mapcli.formats.documents.json_document import document, json_bytes
-
-        content = document(
-            "mapcli.map-transform",
-            result.digests,
-            parameters(operations, dialect),
-            result.content(),
-        )
-        write_bytes(json_file, json_bytes(content), no_clobber=no_clobber)
+    with output_set(no_clobber=no_clobber) as outputs:
+        names = write_map(result.grid, target, options, result.files, outputs)
+        if trace and moved:
+            outputs.write(trace[1], moved)
+            names.append(trace[1])
+        if json_file:
+            outputs.write(json_file, _json(result, parameters(operations, dialect)))
     if not quiet:
         for warning in result.warnings:
             say(f"Warning: {warning}")
@@ -154,6 +155,13 @@ def command(
             say(f"Note: {target}: {note}")
         for label, text in [*result.lines(), ("written", ", ".join(names))]:
             say(f"{label:>10}  {text}", err="-" in (target, json_file, *(trace or ())[1:]))
+
+
+def _json(result: Result, parameters: dict[str, Any]) -> bytes:
+    from mapcli.formats.documents.json_document import document, json_bytes
+
+    content = document("mapcli.map-transform", result.digests, parameters, result.content())
+    return json_bytes(content)
 
 
 def _check(

@@ -23,6 +23,12 @@ from mapcli.formats.partial_file import PartialFile, clear_abandoned, signals_he
 DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
 STANDARD_STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
 
+MOST_LINKS = 40
+"""That Linux follows."""
+
+Content = bytes | Iterable[bytes]
+"""Of a file: whole, or in pieces."""
+
 
 class OutputSet:
     """The files of one result (stateful): none appears before all are complete.
@@ -37,10 +43,12 @@ class OutputSet:
         self._streams: list[BinaryIO] = []
 
     def open(self, path: str | Path) -> BinaryIO:
-        """A binary stream for a file; `-` is standard output.
+        """A binary stream for a file, whose folder is made if there is none; `-` is standard
+        output.
 
         Raises:
-            OutputError: the file exists and `no_clobber` is set, or it cannot be written.
+            OutputError: the file exists and `no_clobber` is set, it cannot be written, or it is
+                in the set already.
         """
         if str(path) == "-":
             _refuse_closed_stdout()
@@ -51,11 +59,15 @@ class OutputSet:
                 self._streams.append(stream)
                 return stream
             _refuse(path, no_clobber=self.no_clobber)
+            target = Path(os.path.realpath(path))
+            if any(target == partial.target for partial in self._partial):
+                raise OutputError("two results cannot both be written to one file", file=path)
+            target.parent.mkdir(parents=True, exist_ok=True)
             with signals_held_back():  # none comes between the file and who clears it
-                self._partial.append(PartialFile(Path(os.path.realpath(path))))
+                self._partial.append(PartialFile(target))
             return self._partial[-1].file
 
-    def write(self, path: str | Path, content: bytes | Iterable[bytes]) -> str:
+    def write(self, path: str | Path, content: Content) -> str:
         """Write one whole file of the set; its SHA-256, hexadecimal.
 
         Raises:
@@ -67,6 +79,18 @@ class OutputSet:
             with _telling(path):
                 file.write(piece)
         return digest.hexdigest()
+
+    def write_beside(self, target: str | Path, files: Mapping[str, Content]) -> list[str]:
+        """Write the files of a map, name -> content, into the folder of its own name; `-` to
+        standard output. Returns their names.
+
+        Raises:
+            OutputError: as of `open`.
+        """
+        names = [name if name == "-" else str(Path(target).with_name(name)) for name in files]
+        for name, content in zip(names, files.values(), strict=True):
+            self.write(name, content)
+        return names
 
     def commit(self) -> None:
         """Let all files appear under their names.
@@ -139,11 +163,9 @@ def _telling(path: str | Path) -> Iterator[None]:
 def _stream_of(path: str | Path) -> BinaryIO | None:
     """What is written into as it is: an open stream of this process, or no regular file; None of
     a file that is to be replaced, or made."""
-    name = os.path.abspath(path)
-    descriptor = DESCRIPTOR.fullmatch(name)
-    if name in STANDARD_STREAMS or descriptor:
-        number = int(descriptor[1]) if descriptor else STANDARD_STREAMS[name]
-        return os.fdopen(os.dup(number), "wb")
+    descriptor = descriptor_of(path)
+    if descriptor is not None:
+        return os.fdopen(os.dup(descriptor), "wb")
     try:
         mode = os.stat(path).st_mode
     except FileNotFoundError:
@@ -151,6 +173,22 @@ def _stream_of(path: str | Path) -> BinaryIO | None:
     if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
         return None
     return open(path, "wb")
+
+
+def descriptor_of(path: str | Path) -> int | None:
+    """The open stream of this process that a name, or a link to it, stands for: 1 for `-`,
+    `/dev/stdout`, `/dev/fd/1`; None of any other file."""
+    if str(path) == "-":
+        return 1
+    name = os.path.abspath(path)
+    for _ in range(MOST_LINKS):
+        descriptor = DESCRIPTOR.fullmatch(name)
+        if name in STANDARD_STREAMS or descriptor:
+            return int(descriptor[1]) if descriptor else STANDARD_STREAMS[name]
+        if not os.path.islink(name):
+            break
+        name = os.path.normpath(os.path.join(os.path.dirname(name), os.readlink(name)))
+    return None
 
 
 def _refuse_closed_stdout() -> None:
@@ -168,15 +206,15 @@ def _refuse(path: str | Path, *, no_clobber: bool) -> None:
 def check_output(path: str | Path, *, no_clobber: bool = False) -> None:
     """Raise before minutes of work what writing a file would raise at their end. Leaves no file.
 
-    Folders that do not exist yet are taken to be made when the file is written. What runs that
-    were killed have left in the folder is cleared.
+    Folders that do not exist yet are made when the file is written. What runs that were killed
+    have left in the folder is cleared.
 
     Raises:
         OutputError: as of `output_file`.
     """
     if str(path) == "-":
         _refuse_closed_stdout()
-    if str(path) == "-" or DESCRIPTOR.fullmatch(os.path.abspath(path)):
+    if descriptor_of(path) is not None:
         return
     with _telling(path):
         if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
@@ -198,25 +236,13 @@ def write_bytes(path: str | Path, data: bytes, *, no_clobber: bool = False) -> N
 
 
 def write_files(
-    directory: str | Path, files: Mapping[str, bytes | Iterable[bytes]], *,
-    no_clobber: bool = False,
-) -> None:  # fmt: skip
+    directory: str | Path, files: Mapping[str, Content], *, no_clobber: bool = False
+) -> None:
     """Write the files of one result: all of them, or none when one cannot be written.
 
     Args:
         files: name -> content, whole or in pieces, in the order in which they appear.
     """
-    *_, named = files  # the file that the user named comes last
-    with _telling(Path(directory) / named):
-        os.stat(directory)
     with output_set(no_clobber=no_clobber) as outputs:
         for name, content in files.items():
             outputs.write(Path(directory) / name, content)
-
-
-def write_beside(target: str, files: dict[str, bytes], *, no_clobber: bool = False) -> None:
-    """Write the files of a map into the folder of its name, or `-` to standard output."""
-    if target == "-":
-        write_bytes("-", files["-"])
-    else:
-        write_files(Path(target).parent, files, no_clobber=no_clobber)

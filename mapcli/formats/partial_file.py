@@ -44,13 +44,16 @@ class PartialFile:
     """
 
     def __init__(self, target: Path) -> None:
+        mode = None
+        with suppress(FileNotFoundError):  # but not that its name is too long
+            mode = os.stat(target).st_mode & 0o7777
         self.target = target
         self.path, descriptor = _created_beside(target)
         self.file = os.fdopen(descriptor, "wb")
         self._lock = os.dup(descriptor)  # closing the file must not unlock it before it is renamed
         self._older: Path | None = None
-        with suppress(FileNotFoundError):
-            os.fchmod(self._lock, os.stat(target).st_mode & 0o7777)
+        if mode is not None:
+            os.fchmod(self._lock, mode)
 
     def appear(self, *, no_clobber: bool) -> None:
         """Take the final name; the file that had it can be brought back until `clean_up`.

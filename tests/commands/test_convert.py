@@ -166,8 +166,8 @@ def test_in_place() -> None:
             "Error: short.pgm: holds 2 pixels; expected 4 as its header says\n",
         ),
         (
-            ["book.txt", "no/m.yaml"],
-            "Error: no/m.yaml: cannot be written: No such file or directory\n",
+            ["book.txt", "book.txt/m.yaml"],
+            "Error: book.txt/m.yaml: cannot be written: Not a directory\n",
         ),
     ],
 )
