@@ -174,6 +174,8 @@ def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> Non
     score = "none" if summary.mean_score is None else f"{summary.mean_score:.2f}"
     failed = summary.odometry_faults
     faults = f"; wheels that failed, at {counted(failed, 'scans')}" if failed else ""
+    if summary.odometry_catch_ups:
+        faults += f"; stood still and caught up, {summary.odometry_catch_ups:,} times"
     width, height = grid.columns * grid.resolution, grid.rows * grid.resolution
     rows = (
         ("scans", f"{summary.used:,} of {summary.scans:,} used ({100 * summary.used_share:.1f} %)"),

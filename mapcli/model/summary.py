@@ -25,7 +25,9 @@ class ReplaySummary:
         loops: loops closed.
         mean_score: of the matched scans; None when none was.
         odometry_jumps: steps in which the odometry jumped and was not used; odometry_faults:
-            scans at which the wheels were taken to count backwards, or to have stopped counting.
+            scans at which the wheels were taken to count backwards, or to have stopped counting;
+            odometry_catch_ups: steps in which odometry that had stood still delivered the way
+            since, all at once.
         damage: what was wrong with the log -> how often.
         lost_share: share of the log's scans lost to damage, as far as the log tells how many it
             held.
@@ -44,6 +46,7 @@ class ReplaySummary:
     mean_score: float | None
     odometry_jumps: int
     odometry_faults: int
+    odometry_catch_ups: int
     damage: Mapping[str, int]
     interrupted: bool
     lost_share: float = field(default=0.0)
@@ -74,6 +77,7 @@ class ReplaySummary:
             "mean_score": None if self.mean_score is None else round(self.mean_score, 4),
             "odometry_jumps": self.odometry_jumps,
             "odometry_faults": self.odometry_faults,
+            "odometry_catch_ups": self.odometry_catch_ups,
             "damage": dict(self.damage),
             "interrupted": self.interrupted,
         }
@@ -95,7 +99,7 @@ class ReplaySummary:
         }
 
 
-NOTHING = ReplaySummary(0, 0, 0, 0, {}, 0.0, 0.0, 0, None, 0, 0, {}, interrupted=False)
+NOTHING = ReplaySummary(0, 0, 0, 0, {}, 0.0, 0.0, 0, None, 0, 0, 0, {}, interrupted=False)
 LIMIT_FIELDS = tuple(NOTHING.numbers())
 """What `--fail-if` can be about."""
 

@@ -21,6 +21,7 @@ SUMMARY = ReplaySummary(
     mean_score=0.87654321,
     odometry_jumps=3,
     odometry_faults=12,
+    odometry_catch_ups=4,
     damage={"scans without beams, skipped": 2, "files cut short": 1},
     interrupted=False,
     lost_share=0.125,
@@ -43,6 +44,7 @@ def test_the_document_literally() -> None:
         "mean_score": 0.8765,
         "odometry_jumps": 3,
         "odometry_faults": 12,
+        "odometry_catch_ups": 4,
         "damage": {"scans without beams, skipped": 2, "files cut short": 1},
         "interrupted": False,
     }
@@ -63,7 +65,7 @@ def test_numbers_for_limits() -> None:
 
 
 def test_nothing_at_all() -> None:
-    nothing = ReplaySummary(0, 0, 0, 0, {}, 0.0, 0.0, 0, None, 0, 0, {}, interrupted=True)
+    nothing = ReplaySummary(0, 0, 0, 0, {}, 0.0, 0.0, 0, None, 0, 0, 0, {}, interrupted=True)
     assert nothing.used_share == 0
     assert nothing.times_real_time == 0
     assert nothing.document()["mean_score"] is None

@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 from mapcli.algorithms.slam.odometry_calibration import OdometryCalibration
+from mapcli.algorithms.slam.stale_odometry import StaleOdometry
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import InformationMatrix, StandardDeviations
 
@@ -16,6 +17,9 @@ HIGHEST_SPEED = 5.0
 WINDOW_SIGMAS, SILENT_WINDOW_SIGMAS = 4.0, 2.0
 """Half-widths of the search window, in standard deviations: with odometry, whose errors have heavy
 tails, and without, where twice the deviation is as far as a robot can be followed."""
+
+AGREES_SIGMAS = 3.0
+"""Standard deviations of odometry within which a counted motion is the one that was found."""
 
 
 @dataclass(frozen=True)
@@ -77,20 +81,26 @@ class OdometryUncertainty:
 
 
 class DeadReckoning:
-    """Odometry's motion from scan to scan (stateful: it calibrates itself).
+    """Odometry's motion from scan to scan (stateful: it calibrates itself, and knows what was
+    delivered late).
 
     Attributes:
         calibration: odometry's systematic errors, as far as they are known; None leaves it as it
             is counted.
         jumps: steps that were rejected because no robot moves so fast.
+        catch_ups: steps that delivered what had not been counted when the robot did it.
     """
 
     def __init__(self, model: MotionModel | None = None, *, calibrate: bool = True) -> None:
         self.model = model or MotionModel()
         self.calibration = OdometryCalibration() if calibrate else None
-        self.jumps = 0
+        self.jumps = self.catch_ups = 0
         self._last: tuple[int, Pose2D | None] | None = None
+        # The last motion as counted, and calibrated; None if it came late, or not at all.
         self._increment: Pose2D | None = None
+        self._step: Pose2D | None = None
+        self._step_s, self._stale = 0.0, StaleOdometry()
+        self._late: Pose2D | None = None  # all that was counted late, if the last step caught up
 
     def motion(self, stamp_ns: int, odom: Pose2D | None) -> Pose2D | None:
         """What the robot did since the last scan, in its frame then; None if it cannot be told.
@@ -98,25 +108,34 @@ class DeadReckoning:
         Args:
             odom: the odometry's pose at the scan's stamp; None where it is silent.
         """
-        self._increment = raw = self._raw_increment(stamp_ns, odom)
-        if raw is None or self.calibration is None:
-            return raw
-        return self.calibration.correct(raw)
-
-    def _raw_increment(self, stamp_ns: int, odom: Pose2D | None) -> Pose2D | None:
-        """The odometry's motion since the last scan; None where it is silent, or jumps."""
         last, self._last = self._last, (stamp_ns, odom)
+        self._increment = self._step = self._late = None
+        self._step_s = (stamp_ns - last[0]) * 1e-9 if last else 0.0
         if last is None or last[1] is None or odom is None:
             return None
-        metres, seconds = last[1].distance(odom), (stamp_ns - last[0]) * 1e-9
-        if metres > 1.0 + HIGHEST_SPEED * seconds:
+        increment = last[1].between(odom)
+        step = self.calibration.correct(increment) if self.calibration else increment
+        rest = self._stale.rest(step, self._step_s)
+        if rest is not None:
+            self.catch_ups += 1
+            self._late = self._stale.counted.compose(step)
+            return rest
+        if last[1].distance(odom) > 1.0 + HIGHEST_SPEED * self._step_s:
             self.jumps += 1
             return None
-        return last[1].between(odom)
+        self._increment, self._step = increment, step
+        return step
 
     def uncertainty(self, motion: Pose2D | None) -> OdometryUncertainty:
-        """How far off a predicted pose may be after a motion."""
-        return self.model.uncertainty(motion)
+        """How far off a predicted pose may be after a motion; after what was late, all of it."""
+        return self.model.uncertainty(motion if self._late is None else self._late)
+
+    def compare(self, found: Pose2D) -> None:
+        """Hold the last motion against that between the matched poses, see `StaleOdometry`."""
+        step, agrees = self._step, True
+        if step is not None:
+            agrees = not self.model.uncertainty(step).separates(step, found, AGREES_SIGMAS)
+        self._stale.update(step, found, self._step_s, agrees=agrees)
 
     def calibrate(self, found: Pose2D, information: InformationMatrix | None) -> None:
         """Compare the last motion with the one found in the map, see `OdometryCalibration`."""

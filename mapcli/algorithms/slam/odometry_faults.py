@@ -9,8 +9,8 @@ between two scans; points of the scan in the map's free space; and how far the m
 what was predicted. All are in nats, and a point in free space counts as one.
 
 Other failures of odometry are dealt with elsewhere: a jump, faster than any robot, is rejected by
-`motion_model.DeadReckoning`; a scan that fits nowhere near the prediction is relocalised by
-`scan_matcher`.
+`motion_model.DeadReckoning`; a reading that comes late is found out by `stale_odometry`; a scan
+that fits nowhere near the prediction is relocalised by `scan_matcher`.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from typing import Literal
 from mapcli.algorithms.slam.match import Match, MatchHistory
 from mapcli.algorithms.slam.motion_model import OdometryUncertainty
 from mapcli.algorithms.slam.pose_refinement import ScanInMap
+from mapcli.algorithms.slam.stale_odometry import ACCELERATION, SHORTEST_STEP
 from mapcli.model.pose import Pose2D
 
 Hypothesis = Literal["odometry", "reversed", "keeps going"]
@@ -68,14 +69,8 @@ and cannot become active."""
 MOST_DEVIATIONS = 3.0
 """Standard deviations beyond which leaving the prediction costs no more."""
 
-ACCELERATION = 1.0
-"""Metres per second squared: a standard deviation of what robots do."""
-
 JITTER = 0.005
 """Metres by which the count of one step is off anyway: a standard deviation."""
-
-SHORTEST_STEP = 0.02
-"""Seconds between stamps, at least, for a speed: two scans may have been read out at once."""
 
 STANDSTILL = 0.05
 """Metres per second below which odometry counts nothing."""

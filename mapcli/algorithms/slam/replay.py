@@ -155,6 +155,7 @@ class ReplayRun:
             mean_score=trace.mean_score(),
             odometry_jumps=self.slam.odometry.jumps,
             odometry_faults=self.slam.faults.faulty_scans,
+            odometry_catch_ups=self.slam.odometry.catch_ups,
             damage=dict(damage.counts),
             interrupted=self.interrupted,
             lost_share=damage.lost_share,

@@ -3,8 +3,9 @@
 The numbers in the comments of `Slam.step` are the lines of the book's algorithm; each line is a
 module:
 
-    2, 3   odometry moves the pose       `motion_model`, corrected by `odometry_calibration`, and
-                                         followed as hypotheses where it fails, `odometry_faults`
+    2, 3   odometry moves the pose       `motion_model`, corrected by `odometry_calibration`, by
+                                         `stale_odometry` where it comes late, and followed as
+                                         hypotheses where it fails, `odometry_faults`
     4      the scan is analyzed          `scans.perception`
     5-9    the best test position        `scan_matcher` (correlative scan matching, relocalisation),
            around the odometry's pose    `book_matcher` (Sect. 9.5), `global_localization` (where
@@ -143,6 +144,7 @@ class Slam:
                 b = self.faults.select(c, uncertainty, b, scan_in_map, self._history)
             self._update_history(c, b)
         n = b.pose  # 9: replace new position by best position
+        self.odometry.compare(c.between(n))
         in_map = self._is_localized and self.local_map.update(n, p)  # 10: update map based on it
         self._record(p, n, b, in_map=in_map)
         self.pose, self._has_begun = n, True  # 11: current position is new position
