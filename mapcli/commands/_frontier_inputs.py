@@ -96,7 +96,7 @@ def _load(file: str, dialect: Dialect, digests: dict[str, str], *, quiet: bool) 
 
 def warn_about_known(mission: Mission, low: float) -> None:
     """Say on stderr where what is known does not fit the world."""
-    if mission.known is None or mission.known.cells.shape != mission.world.cells.shape:
+    if mission.known is None or mission.known.stored.shape != mission.world.stored.shape:
         return
     known = mission.known_source
     wrong = contradictions(mission.world, mission.known, low)

@@ -42,6 +42,10 @@ class ExploreOutputs:
         """Option -> file."""
         return {f"--{key}": name for key, name in asdict(self).items() if name is not None}
 
+    def show_cells(self) -> bool:
+        """Whether a file tells what each step has sensed."""
+        return any((self.json, self.gif, self.curve))
+
     def uses_stdout(self) -> bool:
         return "-" in self.named().values()
 
@@ -123,7 +127,7 @@ def contents(
 ) -> dict[str, bytes]:
     """The files of one exploration for one option: name without its folder -> content."""
     name = file if file == "-" else Path(file).name
-    small = max(exploration.after.cells.shape) <= BOOK_SIDE
+    small = max(exploration.after.stored.shape) <= BOOK_SIDE
     if option == "--json":
         from mapcli.formats.documents.exploration_trace import write_trace
 
@@ -143,7 +147,7 @@ def map_files(file: str, grid: GridMap) -> dict[str, bytes]:
     """The map's files. An image keeps whole percents when there are other cells than 0 and 1."""
     from mapcli.formats.maps.save import SaveOptions, dump_map
 
-    graded = bool(((grid.cells > 0) & (grid.cells < 1)).any())
+    graded = grid.count(lambda cells: (cells > 0) & (cells < 1)) > 0
     options = SaveOptions("scale" if graded else "trinary", format="txt" if file == "-" else None)
     return dump_map(grid, file, options)
 

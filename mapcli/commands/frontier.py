@@ -113,7 +113,8 @@ def command(
     runs = {}
     for strategy in chosen:
         run = replace(usual, strategy=strategy)
-        runs[run] = explored(mission, run, plan=plan, quiet=quiet)
+        keep_cells = outputs.show_cells()
+        runs[run] = explored(mission, run, plan=plan, keep_cells=keep_cells, quiet=quiet)
     written = write_outputs(outputs, runs, mission.inputs, no_clobber=no_clobber)
     if not quiet:
         _say(runs, outputs, plan=plan)
@@ -122,7 +123,12 @@ def command(
 
 
 def explored(
-    mission: Mission, parameters: ExplorationParameters, *, plan: bool, quiet: bool
+    mission: Mission,
+    parameters: ExplorationParameters,
+    *,
+    plan: bool,
+    keep_cells: bool,
+    quiet: bool,
 ) -> Exploration:
     """Explore, or plan, with a progress bar on a terminal; errors name the map at fault.
 
@@ -134,7 +140,12 @@ def explored(
             return plan_goals(mission.world, mission.robots, parameters, mission.known)
         with coverage_bar(mission.world, parameters, quiet=quiet) as progress:
             return explore(
-                mission.world, mission.robots, parameters, mission.known, progress=progress
+                mission.world,
+                mission.robots,
+                parameters,
+                mission.known,
+                keep_cells=keep_cells,
+                progress=progress,
             )
     except DataError as error:
         at_fault = mission.known_source if isinstance(error, KnownMapError) else mission.source

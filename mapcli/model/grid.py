@@ -213,6 +213,12 @@ class GridMap:
         return np.column_stack([self.rows - 1 - v, u])
 
 
+def all_unknown(grid: GridMap) -> GridMap:
+    """A map of the same place of which nothing is known; it takes no memory."""
+    nothing = np.uint8(UNKNOWN_PERCENT) if grid.stored.dtype == np.uint8 else UNKNOWN
+    return replace(grid, stored=np.broadcast_to(nothing, grid.stored.shape))
+
+
 def crop_to_known(grid: GridMap, margin: int = 0) -> GridMap:
     """The smallest part of the map that holds every known cell, with `margin` unknown cells
     around it where the map has them. A map without known cells stays as it is."""

@@ -82,7 +82,7 @@ def world_points(grid: GridMap, path: NDArray[np.int32]) -> NDArray[np.float64]:
 
 def frontier_mask(exploration: Exploration) -> NDArray[np.bool_]:
     """Where the frontier is at the end, shape (rows, columns)."""
-    mask = np.zeros(exploration.after.cells.shape, dtype=bool)
+    mask = np.zeros(exploration.after.stored.shape, dtype=bool)
     for cell in exploration.frontier:
         mask[cell.cell] = True
     return mask

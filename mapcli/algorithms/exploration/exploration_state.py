@@ -1,6 +1,7 @@
 """The state of an exploration: the world, what is known of it, and the frontier, cell by cell.
 
-Everything the loops of Algorithm 9.1 touch is a flat array, because the same functions run twice:
+Everything the loops of Algorithm 9.1 touch is a flat array (two bytes a cell, as a square kilometre
+has 400 million of them), because the same functions run twice:
 as plain Python on small maps, where nothing heavy may be imported, and compiled by numba on large
 ones (`_kernels/compiled_loops.py`). A cell is an index into these arrays; the map has a border of
 OUTSIDE cells one cell wide, so that every cell has eight neighbours:
@@ -39,6 +40,12 @@ OUTSIDE, UNKNOWN, UNKNOWABLE, OPEN, OBSTACLE = range(5)
 the world itself does not know it, and it is not sensed for again. In the world itself a cell is
 never UNKNOWN. Beyond the edge of the map there is nothing to learn: OUTSIDE."""
 
+KIND = 7
+ON_FRONTIER, EXPLORABLE, OUTDATED = 8, 16, 32
+"""Bits of `ExplorationState.world`: what the cell is, and what is noted of it. It is a frontier
+cell; it counts for the coverage; another value than the world's is known of it, though of the same
+kind."""
+
 BLOCK = 16
 """Rows and columns of a block of cells."""
 
@@ -51,13 +58,11 @@ class ExplorationState(NamedTuple):
 
     Attributes:
         rows, columns, stride: the map's size, and from one row to the next.
-        world, truth: what each cell of the world is (uint8), and its probability (float32).
-        known, grid: the same as far as it is known.
-        frontier: 1 where the cell is a frontier cell (uint8).
+        world: what each cell of the world is, and what is noted of it: see KIND (uint8).
+        known: what each cell is as far as it is known (uint8).
         blocks: how many frontier cells each block of BLOCK x BLOCK cells has (int32).
         inflated: inflation of known obstacles by the robot's radius: how many of them a robot on
             the cell would touch (int32).
-        explorable: 1 where the cell counts for the coverage (uint8).
         disc_rows, disc_columns: offsets of the obstacles that a robot would touch (int32).
         moves: index offsets of the moves, straight ones first, each kind sorted (int64).
         counts: see FRONTIER_SIZE and its neighbours (int64).
@@ -67,13 +72,9 @@ class ExplorationState(NamedTuple):
     columns: int
     stride: int
     world: Cells
-    truth: Reals
     known: Cells
-    grid: Reals
-    frontier: Cells
     blocks: Cells
     inflated: Cells
-    explorable: Cells
     disc_rows: Cells
     disc_columns: Cells
     moves: Cells
@@ -85,23 +86,33 @@ def mark_sensed_cell(state: ExplorationState, cell: int) -> bool:
 
     The world wins over what was believed; a cell that the world does not know stays as it is.
     """
-    before, found = state.known[cell], state.world[cell]
+    before, found = state.known[cell], state.world[cell] & KIND
     if found == UNKNOWABLE:
         if before == UNKNOWN:
             state.known[cell] = UNKNOWABLE
         return before == UNKNOWN
-    if before == found and state.grid[cell] == state.truth[cell]:
+    if before == found and not state.world[cell] & OUTDATED:
         return False
     state.known[cell] = found
-    state.grid[cell] = state.truth[cell]
+    state.world[cell] &= 255 - OUTDATED
     if before in (UNKNOWN, UNKNOWABLE):
         state.counts[KNOWN_CELLS] += 1
-        state.counts[KNOWN_EXPLORABLE] += state.explorable[cell]
+        state.counts[KNOWN_EXPLORABLE] += is_explorable(state, cell)
     elif before != found:
         state.counts[CONTRADICTED] += 1
     if (found == OBSTACLE) != (before == OBSTACLE):
         inflate(state, cell, 1 if found == OBSTACLE else -1)
     return True
+
+
+def is_explorable(state: ExplorationState, cell: int) -> bool:
+    """Whether a cell counts for the coverage."""
+    return (state.world[cell] & EXPLORABLE) != 0
+
+
+def is_on_frontier(state: ExplorationState, cell: int) -> bool:
+    """Whether a cell is a frontier cell."""
+    return (state.world[cell] & ON_FRONTIER) != 0
 
 
 def inflate(state: ExplorationState, cell: int, count: int) -> None:
@@ -142,10 +153,10 @@ def flatten(cells: NDArray[Any], border: Any) -> NDArray[Any]:
     return padded.ravel()
 
 
-def unflatten(state: ExplorationState, cells: Cells | Reals) -> NDArray[Any]:
-    """A flat array as a map's cells again, shape (rows, columns), a copy."""
+def unflatten(state: ExplorationState, cells: Cells) -> NDArray[Any]:
+    """A flat array as a map's cells again, shape (rows, columns), a view."""
     padded = np.asarray(cells).reshape(state.rows + 2, state.stride)
-    return padded[1:-1, 1:-1].copy()
+    return padded[1:-1, 1:-1]
 
 
 def classify_cells(cells: NDArray[np.float32], low: float, unknown: int) -> NDArray[np.uint8]:

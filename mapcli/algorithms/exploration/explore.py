@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
 from mapcli.algorithms.exploration.exploration_state import OPEN, classify_cells
 from mapcli.algorithms.exploration.runner import ExplorationRun
@@ -28,6 +30,7 @@ def explore(
     known: GridMap | None = None,
     *,
     compiled: bool | None = None,
+    keep_cells: bool = True,
     progress: Callable[[float], None] = lambda coverage: None,
 ) -> Exploration:
     """Explore a world with Algorithm 9.1.
@@ -40,6 +43,8 @@ def explore(
             where they stand.
         compiled: run the loops compiled by numba, or as plain Python; both take the same steps.
             By default only large maps are worth the compiler's start-up.
+        keep_cells: keep of each step which cells it sensed. Without, `Step.cells` is empty, and a
+            map of many million cells is explored in half the memory.
         progress: called now and then with the coverage reached.
 
     Raises:
@@ -49,7 +54,7 @@ def explore(
     """
     parameters = parameters or ExplorationParameters()
     check(world, robots, parameters, known)
-    run = ExplorationRun(world, robots, parameters, known, compiled)
+    run = ExplorationRun(world, robots, parameters, known, compiled, keep_cells=keep_cells)
     run.run(progress)
     return run.result(run.reason)
 
@@ -72,8 +77,11 @@ def plan(
 
 def contradictions(world: GridMap, known: GridMap, low: float) -> int:
     """Cells that `known` holds to be open and the world to be an obstacle, or the reverse."""
-    both = world.known & known.known
-    return int(((world.cells < low) != (known.cells < low))[both].sum())
+    wrong = 0
+    for one, other in zip(world.bands(), known.bands(), strict=True):
+        both = one.known & other.known
+        wrong += int(((one.cells < low) != (other.cells < low))[both].sum())
+    return wrong
 
 
 def check(
@@ -87,9 +95,9 @@ def check(
     Raises:
         DataError: they cannot, see `explore`.
     """
-    if not world.known.any():
+    if not world.count(lambda cells: ~np.isnan(cells)):
         raise DataError("the world is all unknown", expected="a map with known cells")
-    if known is not None and known.cells.shape != world.cells.shape:
+    if known is not None and known.stored.shape != world.stored.shape:
         raise KnownMapError(
             f"the known map has {known.rows} rows and {known.columns} columns",
             expected=f"{world.rows} and {world.columns} as in the world",
@@ -119,9 +127,10 @@ def check_robot(
             f"{where} is outside the {which}",
             expected=f"a row from 0 to {grid.rows - 1}, a column from 0 to {grid.columns - 1}",
         )
-    content = grid.cells[row, column]
-    if classify_cells(grid.cells[row : row + 1, column], low, 0)[0] != OPEN:
-        kind = "an unknown cell" if math.isnan(content) else f"an obstacle ({content:g})"
+    content = grid.part(row, column, row + 1, column + 1).cells
+    if classify_cells(content, low, 0).item() != OPEN:
+        value = content.item()
+        kind = "an unknown cell" if math.isnan(value) else f"an obstacle ({value:g})"
         raise error(
             f"{where} stands on {kind} of the {which}", expected=f"an open cell, below {low:g}"
         )

@@ -17,7 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mapcli.algorithms.exploration.exploration_state import OPEN, UNKNOWN, Cells, ExplorationState
+from mapcli.algorithms.exploration.exploration_state import (
+    KIND,
+    OPEN,
+    UNKNOWN,
+    Cells,
+    ExplorationState,
+)
 
 THROUGH_OPEN = 1 << OPEN
 THROUGH_UNKNOWN = 1 << OPEN | 1 << UNKNOWN
@@ -209,7 +215,7 @@ def scan_octant(
                     fov.window[here] = fov.queries[0]
                     fov.seen[seen] = cell
                     seen += 1
-                if not (passed >> kinds[cell]) & 1:
+                if not (passed >> (kinds[cell] & KIND)) & 1:
                     if low * far_edge < left * low_by:
                         waiting = push(sectors, waiting, depth + 1, low, low_by, left, far_edge)
                     if low * near_edge < right * low_by:

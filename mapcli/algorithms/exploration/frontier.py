@@ -21,10 +21,12 @@ from typing import NamedTuple
 
 from mapcli.algorithms.exploration.exploration_state import (
     FRONTIER_SIZE,
+    ON_FRONTIER,
     OPEN,
     UNKNOWABLE,
     ExplorationState,
     block_of,
+    is_on_frontier,
     mark_sensed_cell,
     unknown_neighbours,
 )
@@ -48,6 +50,7 @@ from mapcli.algorithms.exploration.trace_columns import (
     Goal,
     Robots,
     Trace,
+    keeps_cells,
     may_go_on,
     record,
     under_way,
@@ -151,8 +154,9 @@ def sense(
         before = state.known[cell]
         has_changed = mark_sensed_cell(state, cell)
         if has_changed:
-            # A minus says that the cell stayed unknown.
-            trace.sensed[free + sensed] = -cell if state.known[cell] == UNKNOWABLE else cell
+            if keeps_cells(trace):
+                # A minus says that the cell stayed unknown.
+                trace.sensed[free + sensed] = -cell if state.known[cell] == UNKNOWABLE else cell
             sensed += 1
         if state.known[cell] != before:
             update_frontier_around(state, cell)
@@ -172,8 +176,8 @@ def update_frontier_around(state: ExplorationState, cell: int) -> None:
 def update_frontier(state: ExplorationState, cell: int) -> None:
     """Lines 4-6 for one cell."""
     is_frontier = state.known[cell] == OPEN and unknown_neighbours(state, cell) > 0
-    if is_frontier != state.frontier[cell]:
+    if is_frontier != is_on_frontier(state, cell):
         change = 1 if is_frontier else -1
         state.counts[FRONTIER_SIZE] += change
         state.blocks[block_of(state, cell)] += change
-        state.frontier[cell] = is_frontier
+        state.world[cell] ^= ON_FRONTIER

@@ -28,6 +28,7 @@ from mapcli.algorithms.exploration.exploration_state import (
     FRONTIER_SIZE,
     Cells,
     ExplorationState,
+    is_on_frontier,
     unknown_neighbours,
 )
 from mapcli.algorithms.exploration.field_of_view import FieldOfView, cells_in_range, expected_gain
@@ -110,9 +111,9 @@ def find_goal(
             break
         if not alone and growing == 0 and left == 0 and is_unbeatable(chooser, other, moves):
             break
-        begin, end = end, expand(state, search, begin, end, moves)
+        begin, end = expand(state, search, begin, end, moves)
         if growing > 0:
-            wave_end, wave_begin = grow_partition(state, partition, wave_begin, wave_end), wave_end
+            wave_begin, wave_end = grow_partition(state, partition, wave_begin, wave_end)
             growing = count_owned(partition, robot, wave_begin, wave_end)
             left += growing
     return own if own.cell != NOWHERE else other
@@ -123,7 +124,9 @@ def is_candidate(
 ) -> bool:
     """A frontier cell where the robot fits (or is already), and to which nobody else goes."""
     fits = not state.inflated[cell] or moves == 0
-    return state.frontier[cell] == 1 and fits and assigned_robots(robots.goal, robot, cell) == 0
+    if not is_on_frontier(state, cell) or not fits:
+        return False
+    return assigned_robots(robots.goal, robot, cell) == 0
 
 
 def better_goal(

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from mapcli.algorithms.exploration import path_search as motion
 from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
 from mapcli.algorithms.exploration.exploration_state import (
+    EXPLORABLE,
+    KIND,
+    OUTDATED,
     OUTSIDE,
     UNKNOWABLE,
     UNKNOWN,
@@ -18,18 +21,22 @@ from mapcli.algorithms.exploration.exploration_state import (
     classify_cells,
     flatten,
     offsets_of_disc,
+    unflatten,
 )
 from mapcli.algorithms.exploration.trace_columns import (
     FRONTIER,
     NOWHERE,
+    PATHS,
     SENSED,
     START,
     STEPS,
+    ColumnLengths,
     Robots,
     Trace,
+    keeps_cells,
 )
 from mapcli.model.exploration import StepColumns
-from mapcli.model.grid import GridMap
+from mapcli.model.grid import PROBABILITIES, GridMap, bands
 
 STEP_COLUMNS = Trace._fields[: Trace._fields.index("paths")]
 
@@ -40,12 +47,17 @@ DIAGONAL = ((-1, -1), (-1, 1), (1, -1), (1, 1))
 
 
 def make_state(
-    world: GridMap, known: GridMap, parameters: ExplorationParameters
+    world: GridMap, known: GridMap | None, parameters: ExplorationParameters
 ) -> ExplorationState:
     """The state at the start. Where something is known, `initialisation.register_known_map` is
     still due."""
     rows, columns = world.rows, world.columns
-    empty = np.zeros((rows, columns), np.int32)
+    kinds = flatten(kinds_of(world, parameters.low, UNKNOWABLE), OUTSIDE)
+    if known is None:
+        believed = flatten(np.broadcast_to(np.uint8(UNKNOWN), (rows, columns)), OUTSIDE)
+    else:
+        believed = flatten(kinds_of(known, parameters.low, UNKNOWN), OUTSIDE)
+        note_outdated(kinds, believed, world, known)
     moves = STRAIGHT if parameters.connectivity == 4 else STRAIGHT + DIAGONAL
     # Obstacles farther away than the map is large are none.
     radius = min(parameters.robot_radius / world.resolution, float(rows + columns))
@@ -54,19 +66,65 @@ def make_state(
         rows,
         columns,
         columns + 2,
-        world=flatten(classify_cells(world.cells, parameters.low, UNKNOWABLE), OUTSIDE),
-        truth=flatten(world.cells, np.nan),
-        known=flatten(classify_cells(known.cells, parameters.low, UNKNOWN), OUTSIDE),
-        grid=flatten(known.cells, np.nan),
-        frontier=flatten(empty.astype(np.uint8), 0),
+        world=kinds,
+        known=believed,
         blocks=np.zeros(blocks_in(rows + 2) * blocks_in(columns + 2), np.int32),
-        inflated=flatten(empty, 0),
-        explorable=flatten(empty.astype(np.uint8), 0),
+        inflated=np.zeros(len(kinds), np.int32),  # memory that is never touched costs nothing
         disc_rows=disc_rows,
         disc_columns=disc_columns,
         moves=np.array([r * (columns + 2) + c for r, c in moves], np.int64),
         counts=np.zeros(4, np.int64),
     )
+
+
+def kinds_of(grid: GridMap, low: float, unknown: int) -> NDArray[np.uint8]:
+    """OPEN, OBSTACLE or `unknown` of each cell, shape (rows, columns)."""
+    return grid.each(lambda cells: classify_cells(cells, low, unknown))
+
+
+def note_outdated(
+    kinds: NDArray[np.uint8], believed: NDArray[np.uint8], world: GridMap, known: GridMap
+) -> None:
+    """Set OUTDATED in `kinds` where the kind of a cell is known, but its value is another."""
+    inner = (-1, world.columns + 2)
+    noted, others = kinds.reshape(inner)[1:-1, 1:-1], believed.reshape(inner)[1:-1, 1:-1]
+    for rows in bands(world.rows, world.columns):
+        differs = band_of(world, rows) != band_of(known, rows)
+        noted[rows][differs & (others[rows] == noted[rows])] |= OUTDATED
+
+
+def known_at_the_end(state: ExplorationState, world: GridMap, before: GridMap) -> GridMap:
+    """The map as known: the world where it was sensed, and what was known before elsewhere."""
+    alike = before.stored.dtype == world.stored.dtype
+    old, true = (before.stored, world.stored) if alike else (before.cells, world.cells)
+    after = np.array(old)
+    kinds, known = unflatten(state, state.world), unflatten(state, state.known)
+    for rows in bands(world.rows, world.columns):
+        sensed = kinds[rows] & (KIND | OUTDATED) == known[rows]
+        after[rows][sensed] = true[rows][sensed]
+    return world.replaced(after)
+
+
+def band_of(grid: GridMap, rows: slice) -> NDArray[np.float32]:
+    """Some rows of a map, as probabilities."""
+    stored = grid.stored[rows]
+    return PROBABILITIES[stored] if stored.dtype == np.uint8 else stored
+
+
+def noted_cells(state: ExplorationState, note: int) -> NDArray[np.int64]:
+    """The cells for which a note of `ExplorationState.world` is set, as indices, shape (n,)."""
+    world = np.asarray(state.world)
+    parts = [rows.start + np.flatnonzero(world[rows] & note) for rows in bands(len(world), 1)]
+    return np.concatenate(parts)
+
+
+def explorable_cells(state: ExplorationState) -> NDArray[np.bool_]:
+    """The cells that count for the coverage, shape (rows, columns)."""
+    noted = unflatten(state, state.world)
+    explorable = np.empty((state.rows, state.columns), np.bool_)
+    for rows in bands(state.rows, state.columns):
+        explorable[rows] = noted[rows] & EXPLORABLE
+    return explorable
 
 
 def make_robots(cells: Sequence[int], *, at_start: bool) -> Robots:
@@ -80,43 +138,57 @@ def make_robots(cells: Sequence[int], *, at_start: bool) -> Robots:
 
 
 def make_trace(sensed: int, robots: int) -> Trace:
-    """An empty trace with room for a round that senses so many cells."""
+    """An empty trace with room for a round that senses so many cells; with 0, they are not kept."""
     columns = {name: np.zeros(1024 + robots, np.int32) for name in STEP_COLUMNS}
     return Trace(
         **columns,
         paths=np.zeros(4096, np.int32),
-        sensed=np.zeros(4096 + 2 * sensed, np.int32),
+        sensed=np.zeros(4096 + 2 * sensed if sensed else 0, np.int32),
         counts=np.zeros(6, np.int64),
         length=np.zeros(1, np.float64),
     )
 
 
-def with_double_room(trace: Trace) -> Trace:
-    """The same trace with twice the room.
+def with_room(trace: Trace, needed: ColumnLengths) -> Trace:
+    """The same trace with columns at least as long as `needed`, doubled where they are shorter.
 
     Raises:
         MemoryError: the columns cannot count so far.
     """
-    if 2 * max(len(trace.paths), len(trace.sensed)) > motion.NEVER:
-        raise MemoryError("more than a thousand million moves")
-    columns = (*STEP_COLUMNS, "paths", "sensed")
-    arrays = {name: np.asarray(getattr(trace, name)) for name in columns}
-    twice = {name: np.zeros(2 * len(a), a.dtype) for name, a in arrays.items()}
-    for name, a in arrays.items():
-        twice[name][: len(a)] = a  # memory that is never touched costs nothing
-    return trace._replace(**twice)
+    if max(needed.paths, needed.sensed) > motion.NEVER:
+        raise MemoryError("more than two thousand million moves")
+    steps = trace.counts[STEPS]
+    columns = dict.fromkeys(STEP_COLUMNS, (steps, needed.steps))
+    columns["paths"] = trace.counts[PATHS], needed.paths
+    if keeps_cells(trace):
+        columns["sensed"] = trace.counts[SENSED], needed.sensed
+    return trace._replace(
+        **{name: _longer(getattr(trace, name), *lengths) for name, lengths in columns.items()}
+    )
 
 
-def read_steps(state: ExplorationState, trace: Trace) -> StepColumns:
+def _longer(column: object, used: int, needed: int) -> NDArray[np.int32]:
+    """A column at least `needed` long, of which `used` entries count."""
+    array = np.asarray(column)
+    if len(array) >= needed:
+        return array
+    longer = np.zeros(min(max(needed, 2 * len(array)), motion.NEVER), array.dtype)
+    longer[:used] = array[:used]  # memory that is never touched costs nothing
+    return longer
+
+
+def read_steps(state: ExplorationState, trace: Trace, world: GridMap) -> StepColumns:
     """The steps as people see them: rows and columns instead of indices."""
     count = trace.counts[STEPS]
     columns = {name: np.asarray(getattr(trace, name))[:count] for name in STEP_COLUMNS}
     paths, path_end = _gathered(trace.paths, columns["path_begin"], columns["path_end"])
-    ends = columns["sensed_end"].astype(np.int64)
-    sensed = _sorted_within_steps(np.asarray(trace.sensed)[: trace.counts[SENSED]], ends)
+    ends = columns["sensed_end"].astype(np.int64) if keeps_cells(trace) else np.zeros(count, int)
+    sensed = _sorted_within_steps(np.asarray(trace.sensed)[: ends[-1] if count else 0], ends)
     stayed = sensed < 0
     stayed_end = np.concatenate([[0], np.cumsum(stayed)])[ends]
     moves = columns["moves"]
+    cells = cells_of(state, sensed[~stayed])
+    found = world.stored[cells[:, 0], cells[:, 1]]
     priority = np.full(count, np.nan)
     np.divide(columns["utility"], moves, out=priority, where=moves > 0)
     return StepColumns(
@@ -129,8 +201,8 @@ def read_steps(state: ExplorationState, trace: Trace) -> StepColumns:
         priority=priority,
         path=cells_of(state, paths),
         path_end=path_end,
-        cells=cells_of(state, sensed[~stayed]),
-        probabilities=np.asarray(state.truth)[sensed[~stayed]],
+        cells=cells,
+        probabilities=PROBABILITIES[found] if found.dtype == np.uint8 else found,
         sensed_end=ends - stayed_end,
         unknowable=cells_of(state, -sensed[stayed]),
         unknowable_end=stayed_end,

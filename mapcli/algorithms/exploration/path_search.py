@@ -30,7 +30,7 @@ class PathSearch(NamedTuple):
 
     Attributes:
         mark: base + moves from the robot, where the search has been (int32).
-        queue: the reached cells in order (int32).
+        queue: the cells reached by the last moves, in order (int32).
         base, depth, clear: shape (1,) (int64); `depth` is how many moves the search has
             gone, `clear` after how many moves a robot that stands on inflated cells has left
             them, 0 when it stands on none.
@@ -57,23 +57,30 @@ def start_search(state: ExplorationState, search: PathSearch, cell: int) -> int:
 
     What the search before had reached is forgotten: its paths must have been read by now.
     """
-    search.base[0] += search.depth[0] + 2
-    search.depth[0] = 0
-    if search.base[0] > NEVER - 2 * len(search.mark):
-        for place in range(len(search.mark)):
-            search.mark[place] = 0
-        search.base[0] = 1
+    forget_search(search)
     search.clear[0] = NEVER if state.inflated[cell] else 0
     search.mark[cell] = search.base[0]
     search.queue[0] = cell
     return 1
 
 
-def expand(state: ExplorationState, search: PathSearch, begin: int, end: int, moves: int) -> int:
+def forget_search(search: PathSearch) -> None:
+    """Nothing is reached any longer."""
+    search.base[0] += search.depth[0] + 2
+    search.depth[0] = 0
+    if search.base[0] > NEVER - 2 * len(search.mark):
+        for place in range(len(search.mark)):
+            search.mark[place] = 0
+        search.base[0] = 1
+
+
+def expand(
+    state: ExplorationState, search: PathSearch, begin: int, end: int, moves: int
+) -> tuple[int, int]:
     """Reach the cells one move beyond queue[begin:end], themselves `moves` - 1 moves from the
-    robot; returns the new end of the queue."""
+    robot; returns where in the queue they are."""
     mark, queue, base = search.mark, search.queue, search.base[0]
-    reached = end
+    first = reached = next_place(state, begin, end)
     search.depth[0] = moves
     for k in range(begin, end):
         cell = queue[k]
@@ -87,7 +94,13 @@ def expand(state: ExplorationState, search: PathSearch, begin: int, end: int, mo
                 reached += 1
                 if not state.inflated[there] and search.clear[0] > moves:
                     search.clear[0] = moves
-    return reached
+    return first, reached
+
+
+def next_place(state: ExplorationState, begin: int, end: int) -> int:
+    """Where in a queue to write the neighbours of queue[begin:end]: at its front, as soon as there
+    is room for all, so that the memory touched is that of a few moves and not of the whole map."""
+    return 0 if begin >= len(state.moves) * (end - begin) else end
 
 
 def is_expandable(state: ExplorationState, search: PathSearch, cell: int) -> bool:
@@ -155,4 +168,4 @@ def search_everything(state: ExplorationState, search: PathSearch, cell: int) ->
     begin, end, moves = 0, start_search(state, search, cell), 0
     while begin < end:
         moves += 1
-        begin, end = end, expand(state, search, begin, end, moves)
+        begin, end = expand(state, search, begin, end, moves)

@@ -54,7 +54,7 @@ def find_way_home(state: ExplorationState, search: PathSearch, cell: int, home: 
     begin, end, moves = 0, start_search(state, search, cell), 0
     while begin < end and moves_to(search, place) < 0:
         moves += 1
-        begin, end = end, expand(state, search, begin, end, moves)
+        begin, end = expand(state, search, begin, end, moves)
     moves = moves_to(search, place)
     return Goal(HOME, place if moves >= 0 else NOWHERE, 0, max(moves, 0))
 
@@ -72,7 +72,7 @@ def nearest_free_cell(state: ExplorationState, search: PathSearch, home: int) ->
         if best != NOWHERE:
             return best
         moves += 1
-        begin, end = end, expand(state, search, begin, end, moves)
+        begin, end = expand(state, search, begin, end, moves)
     return home
 
 

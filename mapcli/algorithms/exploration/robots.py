@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from mapcli.algorithms.exploration.exploration_state import (
     FRONTIER_SIZE,
+    KIND,
     OBSTACLE,
     OPEN,
     ExplorationState,
+    is_on_frontier,
 )
 from mapcli.algorithms.exploration.field_of_view import FieldOfView
 from mapcli.algorithms.exploration.path_search import (
@@ -82,12 +84,12 @@ def stop_before_collision(
 
 def collision_between(state: ExplorationState, cell: int, there: int) -> int:
     """The obstacle of the world that makes a move impossible, or NOWHERE."""
-    if state.world[there] == OBSTACLE:
+    if state.world[there] & KIND == OBSTACLE:
         return there
     if is_diagonal(state, cell, there):
         beside = beside_diagonal(state, cell, there)
         for side in (beside, cell + there - beside):
-            if state.world[side] == OBSTACLE:
+            if state.world[side] & KIND == OBSTACLE:
                 return side
     return NOWHERE
 
@@ -156,7 +158,7 @@ def is_goal_valid(
     goal, kind = robots.goal[robot], robots.kind[robot]
     fits = not state.inflated[goal] or robots.cell[robot] == goal
     if kind == FRONTIER:
-        return fits and state.frontier[goal] == 1
+        return fits and is_on_frontier(state, goal)
     if kind == VIEWPOINT:
         return fits and is_viewpoint(state, fov, viewpoints, goal)
     return kind != BLOCKED or state.known[robots.collision[robot]] == OPEN

@@ -25,15 +25,18 @@ from mapcli.algorithms.exploration.exploration_state import (
     FRONTIER_SIZE,
     KNOWN_CELLS,
     KNOWN_EXPLORABLE,
-    unflatten,
+    ON_FRONTIER,
     unknown_neighbours,
 )
 from mapcli.algorithms.exploration.loop_arrays import (
+    explorable_cells,
+    known_at_the_end,
     make_robots,
     make_state,
     make_trace,
+    noted_cells,
     read_steps,
-    with_double_room,
+    with_room,
 )
 from mapcli.algorithms.exploration.viewpoints import make_viewpoints
 from mapcli.algorithms.exploration.voronoi_partition import make_partition
@@ -47,7 +50,7 @@ from mapcli.model.exploration import (
     Reason,
     move_lengths,
 )
-from mapcli.model.grid import GridMap
+from mapcli.model.grid import GridMap, all_unknown
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
@@ -69,7 +72,7 @@ LARGE = 20_000
 def is_large(grid: GridMap, parameters: ExplorationParameters) -> bool:
     """Whether compiled loops pay for importing them (most of a second)."""
     work = 8 if parameters.strategy == "gain" else 1
-    return grid.cells.size * work > LARGE
+    return grid.rows * grid.columns * work > LARGE
 
 
 class ExplorationRun:
@@ -82,11 +85,13 @@ class ExplorationRun:
         parameters: ExplorationParameters,
         known: GridMap | None,
         compiled: bool | None,
+        *,
+        keep_cells: bool = True,
     ) -> None:
         self.world, self.parameters, self.starts = world, parameters, tuple(robots)
         self.compiled = is_large(world, parameters) if compiled is None else compiled
-        self.before = known or world.replaced(np.full_like(world.cells, np.nan))
-        self.state = self.views(make_state(world, self.before, parameters))
+        self.before = known or all_unknown(world)
+        self.state = self.views(make_state(world, known, parameters))
         cells = [self.index(cell) for cell in robots]
         self.homes = np.array(cells, dtype=np.int64)
         fov = field_of_view.make_field_of_view(self.state, parameters.sensor_range)
@@ -98,7 +103,8 @@ class ExplorationRun:
             self.views(make_viewpoints(self.state)),
         )
         self.robots = self.views(make_robots(cells, at_start=known is None))
-        self.trace = self.views(make_trace(len(cells) * len(fov.seen), len(cells)))
+        sensed = len(cells) * len(fov.seen) if keep_cells else 0
+        self.trace = self.views(make_trace(sensed, len(cells)))
         if parameters.robot_radius:
             self.check_room(cells)
         mark_explorable = self.call(initialisation.mark_explorable)
@@ -187,9 +193,10 @@ class ExplorationRun:
             progress()
 
     def make_room(self) -> None:
-        """Double the trace's columns until they hold another round."""
-        while not trace_columns.has_room(self.state, self.planner.fov, self.robots, self.trace):
-            self.trace = self.views(with_double_room(self.trace))
+        """Let the trace's columns hold another round."""
+        round_ = self.state, self.planner.fov, self.robots, self.trace
+        if not trace_columns.has_room(*round_):
+            self.trace = self.views(with_room(self.trace, trace_columns.room_needed(*round_)))
 
     @property
     def coverage(self) -> float:
@@ -206,17 +213,18 @@ class ExplorationRun:
 
     def result(self, reason: Reason, plan: tuple[NextGoal, ...] | None = None) -> Exploration:
         """What happened, and what is known now."""
-        steps = read_steps(self.state, self.trace)
         left = self.frontier_cells()
+        del self.planner  # its memory may be larger than the maps'
+        steps = read_steps(self.state, self.trace, self.world)
         away = [k for k, cell in enumerate(self.homes) if cell != self.robots.cell[k]]
         return Exploration(
             robots=self.starts,
             before=self.before,
-            after=self.world.replaced(unflatten(self.state, self.state.grid)),
+            after=known_at_the_end(self.state, self.world, self.before),
             steps=steps,
             frontier=left,
             plan=plan,
-            explorable=unflatten(self.state, self.state.explorable).astype(bool),
+            explorable=explorable_cells(self.state),
             summary=ExplorationSummary(
                 reason=reason,
                 steps=len(steps),
@@ -233,7 +241,7 @@ class ExplorationRun:
 
     def frontier_cells(self) -> tuple[FrontierCell, ...]:
         """The frontier, with the nearest robot (ties: the first) and the way to it."""
-        search, cells = self.planner.search, np.flatnonzero(np.asarray(self.state.frontier))
+        search, cells = self.planner.search, noted_cells(self.state, ON_FRONTIER)
         if len(cells) == 0:
             return ()
         nearest = np.full(len(cells), path_search.NEVER)
@@ -244,8 +252,8 @@ class ExplorationRun:
             fits = (np.asarray(self.state.inflated)[cells] == 0) | (moves == 0)
             nearer = (moves >= 0) & fits & (moves < nearest)
             nearest[nearer], robots[nearer] = moves[nearer], robot
-        rows = zip(cells.tolist(), robots.tolist(), nearest.tolist(), strict=True)
-        return tuple(self.frontier_cell(*row) for row in rows)
+        found = zip(cells.tolist(), robots.tolist(), nearest.tolist(), strict=True)
+        return tuple(self.frontier_cell(*one) for one in found)
 
     def frontier_cell(self, cell: int, robot: int, moves: int) -> FrontierCell:
         unknown = int(self.call(unknown_neighbours)(self.state, cell))

@@ -72,6 +72,7 @@ class Trace(NamedTuple):
         robot, kind, time, origin, goal, frontier, utility, moves: of each step.
         path_begin, path_end: its part of `paths`.
         sensed_end: where its part of `sensed` ends; it begins where that of the step before ends.
+            (`sensed` is empty when it is not kept.)
         counts: used lengths (int64).
         length: of all paths driven or begun, in cells, a diagonal move being longer (float64).
     """
@@ -93,6 +94,14 @@ class Trace(NamedTuple):
     length: Reals
 
 
+class ColumnLengths(NamedTuple):
+    """Of the columns of a `Trace`: those of steps, `paths` and `sensed`."""
+
+    steps: int
+    paths: int
+    sensed: int
+
+
 def may_go_on(state: ExplorationState, fov: FieldOfView, robots: Robots, trace: Trace) -> bool:
     """Whether another round may be done before the runner looks at progress and memory."""
     trace.counts[ROUNDS] -= 1
@@ -100,16 +109,30 @@ def may_go_on(state: ExplorationState, fov: FieldOfView, robots: Robots, trace: 
 
 
 def has_room(state: ExplorationState, fov: FieldOfView, robots: Robots, trace: Trace) -> bool:
-    """Whether the columns can hold whatever one round may add: a step of each robot, all cells in
-    its field of view, and a path over all known cells, behind what it has walked already."""
+    """Whether the columns can hold whatever one round may add."""
+    need = room_needed(state, fov, robots, trace)
+    fits = len(trace.robot) >= need.steps and len(trace.paths) >= need.paths
+    return fits and (len(trace.sensed) >= need.sensed or not keeps_cells(trace))
+
+
+def room_needed(
+    state: ExplorationState, fov: FieldOfView, robots: Robots, trace: Trace
+) -> ColumnLengths:
+    """How long the columns must be for one more round: a step of each robot, all cells in its
+    field of view, and a path over all known cells, behind what it has walked already."""
     count, paths = len(robots.cell), 0
     for robot in range(count):
         paths += robots.at[robot] - robots.begin[robot] + state.counts[KNOWN_CELLS]
-    return (
-        len(trace.robot) - trace.counts[STEPS] >= count
-        and len(trace.sensed) - trace.counts[SENSED] >= count * len(fov.seen)
-        and len(trace.paths) - trace.counts[PATHS] >= paths
+    return ColumnLengths(
+        trace.counts[STEPS] + count,
+        trace.counts[PATHS] + paths,
+        trace.counts[SENSED] + count * len(fov.seen),
     )
+
+
+def keeps_cells(trace: Trace) -> bool:
+    """Whether what was sensed is kept; where nobody asks for it, its number will do."""
+    return len(trace.sensed) > 0
 
 
 def under_way(robots: Robots) -> int:

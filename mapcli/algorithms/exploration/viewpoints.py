@@ -68,7 +68,7 @@ def find_viewpoint(
                 best = there
         if best == NOWHERE:
             moves += 1
-            begin, end = end, expand(state, search, begin, end, moves)
+            begin, end = expand(state, search, begin, end, moves)
     return Goal(VIEWPOINT, best, 0, moves)
 
 
