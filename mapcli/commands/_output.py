@@ -66,9 +66,12 @@ IMAGE = re.compile(rb"^\s*image\s*:\s*[\"']?([^\"'#\n\r]+)", re.MULTILINE)
 def _is_same(name: str, other: Path) -> bool:
     """Whether two names are of one regular file, however they are spelt."""
     path = Path(name)
-    if os.path.realpath(path) == os.path.realpath(other):
-        return True
-    return path.is_file() and other.is_file() and path.samefile(other)
+    try:
+        if os.path.realpath(path) == os.path.realpath(other):
+            return True
+        return path.is_file() and other.is_file() and path.samefile(other)
+    except (OSError, ValueError):  # too long for a name, or with a NUL in it: there is no such file
+        return False
 
 
 def progress(

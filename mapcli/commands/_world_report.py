@@ -11,6 +11,7 @@ from typing import Any
 from mapcli.formats.documents.json_document import document
 from mapcli.formats.documents.world import load_world
 from mapcli.formats.input import sha256_of
+from mapcli.formats.maps.load import sniff
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
 from mapcli.model.world import World
@@ -25,14 +26,17 @@ _OBJECTS, _GRID = (
 
 def looks_continuous(start: bytes) -> bool:
     """Whether the first bytes of a file are those of a continuous map."""
-    return bool(_OBJECTS.search(start)) and not _GRID.search(start)
+    found = _OBJECTS.search(start) and not _GRID.search(start)
+    return bool(found) and sniff(start) == "yaml"
 
 
-def world_report(file: str, at: Points) -> tuple[list[str], dict[str, Any]]:
-    """What to print about a continuous map, and the same as a document."""
+def world_report(file: str, at: Points) -> tuple[list[str], dict[str, Any]] | None:
+    """What to print about a continuous map, and the same as a document; None of a grid map that
+    `looks_continuous`: its key `image` may be spelt with escapes."""
     loaded = load_world(file)
     world = loaded.world
-    assert isinstance(world, World)  # as `looks_continuous` saw
+    if not isinstance(world, World):
+        return None
     vertices = sum(len(polygon) for polygon in world.polygons)
     content: dict[str, Any] = {
         "kind": "continuous map",

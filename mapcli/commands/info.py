@@ -70,7 +70,8 @@ def _report(
     if _is_continuous(file):
         from mapcli.commands._world_report import world_report
 
-        return world_report(file, at)
+        if report := world_report(file, at):
+            return report
     from mapcli.commands._map_report import map_report
 
     return map_report(file, dialect, at)

@@ -21,8 +21,8 @@ class World:
 
     Attributes:
         polygons: vertices of each obstacle in either turning direction, shape (n, 2), n >= 3.
-            The last vertex is joined to the first; a first vertex repeated at the end is dropped.
-            Polygons may touch and overlap.
+            The last vertex is joined to the first; a first vertex repeated at the end is dropped,
+            however often it is. Polygons may touch and overlap.
         points: landmarks, shape (m, 2). They have no size, so nothing bumps into them.
 
     Raises:
@@ -67,7 +67,7 @@ def _vertices(values: ArrayLike, where: str) -> NDArray[np.float64]:
 
 def _polygon(values: ArrayLike, where: str) -> NDArray[np.float64]:
     vertices = _vertices(values, where)
-    if len(vertices) > 1 and (vertices[0] == vertices[-1]).all():
+    while len(vertices) > 1 and (vertices[0] == vertices[-1]).all():
         vertices = vertices[:-1]
     if len(vertices) < 3:
         raise DataError(f"{len(vertices)} vertices", where=where, expected="3 or more")

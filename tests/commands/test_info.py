@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from conftest import run
-from PIL import Image
+from PIL import Image, PngImagePlugin
 
 from mapcli import __version__
 
@@ -177,3 +177,19 @@ def test_errors(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().err == "Error: no.yaml: no such file\n"
     assert info() == 2
     assert "Missing argument 'FILE...'" in capsys.readouterr().err
+
+
+def test_a_picture_that_speaks_of_points(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its metadata has the key of a continuous map, and its name no suffix: a grid map still."""
+    path = tmp_path / "picture"
+    grey = YAML.replace("image: m.pgm\n", "") + "points: [[1, 1]]\n"
+    note = PngImagePlugin.PngInfo()
+    note.add_text("mapcli map", grey)
+    Image.new("L", (3, 2), 254).save(path, "PNG", pnginfo=note)
+    assert run("info", path) == 0
+    assert "2 rows, 3 columns" in capsys.readouterr().out
+    path.write_text(YAML.replace("image", '"\\x69mage"') + "points: [[1, 1]]\n")
+    assert run("info", path) == 0
+    assert "2 rows, 3 columns" in capsys.readouterr().out

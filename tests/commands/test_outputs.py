@@ -79,3 +79,15 @@ def test_a_torn_set_is_found_out(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("evaluate", "out/trace.json", "corridor.mcap", "-v") == 0
     expected = "Warning: out/trace.json: map.pgm beside it is not the one that it was written with"
     assert expected in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("image", ["a\0b", "a" * 5000])
+def test_an_image_name_that_no_file_can_have(
+    image: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It is compared with the outputs' names before the file is read, which says what is wrong."""
+    Path("odd.yaml").write_text(f"image: {image}\n")
+    assert run("convert", "odd.yaml", "other.txt") == 1
+    said = capsys.readouterr().err
+    assert said.startswith("Error: odd.yaml: ")
+    assert "a fault in mapcli" not in said

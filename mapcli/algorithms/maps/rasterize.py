@@ -24,6 +24,9 @@ MOST_CELLS = 100_000_000
 MOST_OUTLINE_CELLS = 2_000_000
 """The covered share of each of these is computed: some ten seconds."""
 
+SWEPT_CELLS = 128
+"""Side of the largest block that is swept as a whole: halving it costs more."""
+
 NOISE = 1e-9
 """Cells, and shares of a cell: what rounding may add or take."""
 
@@ -115,6 +118,8 @@ def covered_shares(area: Area, frame: GridMap) -> NDArray[np.float64]:
     def to_cells(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return frame.fractional_cells_of_world(points)[:, ::-1] + 0.5
 
+    if area.is_empty:  # no boundary either
+        return np.zeros((frame.rows, frame.columns))
     in_cells = shapely.transform(area, to_cells)
     inside = shapely.box(0, 0, frame.columns, frame.rows)
     passed = float(shapely.intersection(shapely.boundary(in_cells), inside).length)
@@ -134,7 +139,7 @@ def covered_cells(area: Area, rows: int, columns: int) -> NDArray[np.float64]:
 
 
 def _fill(shares: NDArray[np.float64], area: Area, top: int, left: int) -> None:
-    """Halve a block of cells until it is covered wholly, not at all, or is one cell.
+    """Halve a block of cells until it is covered wholly, not at all, or is small.
 
     Each half sees only its own piece of the area, so that the cost grows with the cells along
     the outlines, and not with the map.
@@ -144,11 +149,42 @@ def _fill(shares: NDArray[np.float64], area: Area, top: int, left: int) -> None:
     covered = piece.area
     if covered == 0:
         return
-    if shares.size == 1 or covered >= shares.size - NOISE:
-        shares[:] = min(covered / shares.size, 1.0)
+    if covered >= shares.size - NOISE:
+        shares[:] = 1.0
+    elif max(rows, columns) <= SWEPT_CELLS:
+        shares[:] = _swept(piece, top, left, rows, columns)
     elif rows >= columns:
         _fill(shares[: rows // 2], piece, top, left)
         _fill(shares[rows // 2 :], piece, top + rows // 2, left)
     else:
         _fill(shares[:, : columns // 2], piece, top, left)
         _fill(shares[:, columns // 2 :], piece, top, left + columns // 2)
+
+
+def _swept(piece: Area, top: int, left: int, rows: int, columns: int) -> NDArray[np.float64]:
+    """The covered shares of a block of cells around an area.
+
+    Each edge, cut at the lines between cells, adds the area between itself and the right side of
+    its cell, and what it spans of the row to all cells on the right; edges that go up count
+    against those that go down (the signed areas by which fonts are drawn).
+    """
+    rings = shapely.get_rings(shapely.get_parts(shapely.orient_polygons(piece)))
+    corners, ring = shapely.get_coordinates(rings, return_index=True)
+    start = (corners - (left, top))[:-1][ring[1:] == ring[:-1]]
+    step = np.diff(corners, axis=0)[ring[1:] == ring[:-1]]
+    cuts = [np.zeros((len(start), 1)), np.ones((len(start), 1))]
+    for axis, cells in enumerate((columns, rows)):
+        ahead = np.arange(1, cells) - start[:, axis, None]
+        along = step[:, axis, None]
+        cuts.append(np.clip(np.divide(ahead, along, np.zeros_like(ahead), where=along != 0), 0, 1))
+    at = np.sort(np.hstack(cuts), axis=1)
+    x = start[:, 0, None] + step[:, 0, None] * (at[:, 1:] + at[:, :-1]) / 2
+    y = start[:, 1, None] + step[:, 1, None] * (at[:, 1:] + at[:, :-1]) / 2
+    down = -step[:, 1, None] * np.diff(at, axis=1)
+    row = np.clip(np.floor(y).astype(int), 0, rows - 1)
+    column = np.clip(np.floor(x).astype(int), 0, columns - 1)
+    sums = np.zeros((rows, columns + 1))
+    np.add.at(sums, (row, column), down * (column + 1 - x))
+    np.add.at(sums, (row, column + 1), down * (x - column))
+    shares = np.cumsum(sums, axis=1)[:, :columns].round(12)  # without what rounding leaves
+    return np.clip(shares, 0.0, 1.0) + 0.0

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -65,12 +66,15 @@ def torn_files(trace: Path) -> list[str]:
         named = {str(one["file"]): str(one["sha256"]) for one in files}
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return []
-    beside = {name: trace.with_name(Path(name).name) for name in named}
-    return [
-        name
-        for name, path in beside.items()
-        if path.is_file() and sha256_of(path.read_bytes()) != named[name]
-    ]
+    beside = {name: _digest(trace.parent / Path(name).name) for name in named}
+    return [name for name, found in beside.items() if found not in (None, named[name])]
+
+
+def _digest(path: Path) -> str | None:
+    """Of a file that can be read."""
+    with suppress(OSError):
+        return sha256_of(path.read_bytes()) if path.is_file() else None
+    return None
 
 
 def move_trace(path: str | Path, motion: Isometry) -> bytes:
@@ -80,20 +84,40 @@ def move_trace(path: str | Path, motion: Isometry) -> bytes:
     a mirror changes the sign of their y and theta.
 
     Raises:
-        FormatError: as of `load_trace_poses`.
+        FormatError: as of `load_trace_poses`; odometry, loops or parameters that are none; a
+            number anywhere that JSON does not have.
     """
-    data = read_file(Path(path))
-    content = read_document(data, str(path), POSE_TRACE)
-    read_trace_poses(data, str(path))
-    poses = [_moved(pose, motion) for pose in content["poses"]]
-    loops = content.get("loops") or []
-    if motion.mirrored:
-        loops = [loop | {"dy": -loop["dy"], "dtheta": -loop["dtheta"]} for loop in loops]
+    data, file = read_file(Path(path)), str(path)
+    content = read_document(data, file, POSE_TRACE)
+    read_trace_poses(data, file)
+    poses = []
+    for k, pose in enumerate(content["poses"]):
+        with _told(file, f"pose {k}", "odom of x, y and theta, or null"):
+            poses.append(_moved(pose, motion))
+    with _told(file, "loops", "a list of loops with dy and dtheta"):
+        loops = [_moved_loop(loop, motion) for loop in content.get("loops") or []]
     moved_by = {**_pose(motion.pose), "mirrored": motion.mirrored}
     head = document(POSE_TRACE, {Path(path).name: sha256_of(data)}, {}, {})
-    head["parameters"] = {**content.get("parameters", {}), "moved_by": moved_by}
+    with _told(file, "parameters", "names and values"):
+        head["parameters"] = {**content.get("parameters", {}), "moved_by": moved_by}
     rest = {key: value for key, value in content.items() if key not in head}
-    return json_bytes({**head, **rest, "files": [], "loops": loops, "poses": poses})
+    with _told(file, None, "finite numbers"):
+        moved = json_bytes({**head, **rest, "files": [], "loops": loops, "poses": poses})
+    return moved
+
+
+@contextmanager
+def _told(file: str, where: str | None, expected: str) -> Iterator[None]:
+    """What a value of another type makes Python raise becomes a FormatError."""
+    try:
+        yield
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        missing = f"no {error}" if isinstance(error, KeyError) else "a value of another kind"
+        raise FormatError(f"has {missing}", file=file, where=where, expected=expected) from error
+
+
+def _moved_loop(loop: dict[str, Any], motion: Isometry) -> dict[str, Any]:
+    return loop | ({"dy": -loop["dy"], "dtheta": -loop["dtheta"]} if motion.mirrored else {})
 
 
 def _moved(pose: dict[str, Any], motion: Isometry) -> dict[str, Any]:

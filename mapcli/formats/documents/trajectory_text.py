@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from itertools import pairwise
 from pathlib import PurePath
 
@@ -192,7 +192,7 @@ def stamp_ns(word: str, file: str, where: str) -> int:
         seconds = Decimal(word)
         if abs(seconds) < LATEST_S:
             return round(seconds * 1_000_000_000)
-    except InvalidOperation:
+    except ArithmeticError:  # no number, or an exponent of a thousand million
         pass
     raise FormatError(f"{word!r} is no time", file=file, where=where, expected="seconds")
 

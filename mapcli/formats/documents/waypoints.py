@@ -57,7 +57,7 @@ def _text_rows(text: str) -> Iterator[tuple[int, list[str]]]:
 
 def _yaml_rows(data: bytes, file: str) -> Iterator[tuple[int, list[str]]]:
     document = YamlMapping.parse(data, file)
-    waypoints = document.nodes["waypoints"]
+    waypoints = document.require("waypoints", f"a list of {EXPECTED}")
     if not isinstance(waypoints, yaml.SequenceNode):
         raise document.error("waypoints", "not a list", f"a list of {EXPECTED}")
     for i, node in enumerate(waypoints.value):

@@ -11,6 +11,7 @@ import io
 import struct
 import zlib
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 from PIL import Image, PngImagePlugin
@@ -45,7 +46,7 @@ def read_png(data: bytes, file: str) -> MapImage:
     """
     if not data.startswith(SIGNATURE):
         raise FormatError(f"starts with {data[:8]!r}", file=file, expected="a PNG image")
-    try:
+    with _damage_told(file):
         _refuse_absurd(data, file)
         # Not Image.open: its guard against huge images is meant for web servers, and ours is above.
         image = PngImagePlugin.PngImageFile(io.BytesIO(data))
@@ -53,21 +54,29 @@ def read_png(data: bytes, file: str) -> MapImage:
             refuse_size(image.height, image.width, file, limit=MAX_CELLS // 2)
         image.load()
         note = str(image.text.get(NOTE_TITLE, ""))
-    except _BROKEN as error:
-        raise FormatError(
-            f"the PNG image is damaged ({error})", file=file, expected="a whole PNG file"
-        ) from error
     kind = f"PNG {_KINDS.get(image.mode, image.mode)}"
     clear = "transparency" in image.info or image.mode in ("LA", "RGBA")
 
     def part(top: int, bottom: int) -> GreyImage:
-        return _pixels(image.crop((0, top, image.width, bottom)), image, clear)
+        with _damage_told(file):  # a wrong palette is noticed only now
+            return _pixels(image.crop((0, top, image.width, bottom)), image, clear)
 
     return MapImage(image.height, image.width, part, note, kind)
 
 
 _KINDS = {"1": "1 bit", "L": "grey", "LA": "grey with alpha", "P": "palette", "RGB": "colour",
           "RGBA": "colour with alpha", "I;16": "grey, 16 bit", "I": "grey, 16 bit"}  # fmt: skip
+
+
+@contextmanager
+def _damage_told(file: str) -> Iterator[None]:
+    """Whatever Pillow finds wrong meanwhile becomes a FormatError."""
+    try:
+        yield
+    except _BROKEN as error:
+        raise FormatError(
+            f"the PNG image is damaged ({error})", file=file, expected="a whole PNG file"
+        ) from error
 
 
 def _refuse_absurd(data: bytes, file: str) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 import shapely
@@ -59,6 +61,22 @@ def test_shares_equal_those_of_single_cells(points: list[tuple[float, float]], y
         )
         share = area.intersection(shapely.Polygon(corners)).area / 0.81
         assert shares[row, column] == pytest.approx(share, abs=1e-7)
+
+
+def test_no_polygons_cover_nothing() -> None:
+    world = World.of([], [[2, 2], [2, -2]])
+    assert covered_shares(solid_area(world), frame_of(world, 1)).tolist() == [[0.0]] * 4
+
+
+def test_a_long_thin_polygon() -> None:
+    """131,080 cells of outline: a second, not ten; and each row has its share."""
+    world = World.of([[[0, 0], [3, 0], [3, 65_536]]])
+    start = time.process_time()
+    shares = covered_shares(solid_area(world), empty_map((0, 0, 3, 65_536), 1))[::-1]
+    assert time.process_time() - start < 5
+    rows = np.arange(65_536)
+    assert np.allclose(shares.sum(axis=1), 3 - 3 * (rows + 0.5) / 65_536, rtol=0, atol=1e-9)
+    assert shares[0].tolist() == pytest.approx([1 - 0.5 * 3 / 65_536, 1, 1], abs=1e-11)
 
 
 def test_overlapping_polygons_count_once() -> None:

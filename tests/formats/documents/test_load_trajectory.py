@@ -101,6 +101,8 @@ KNOWN = r"expected trace\.json, MCAP, CSV, g2o, or lines of 4 \(t x y theta\), 8
         ("t,x,y\n1,1,1\n", "a: has no column theta; expected stamp_ns,x,y,theta,"),
         ("x,y,theta\n1,1\n", "a: line 2: has 2 columns; expected 3, as the head"),
         ("stamp_ns,x,y,theta\n?,1,1,1\n", r"a: line 2: '\?e-9' is no time"),
+        ("t,x,y,theta\n1e999999999,1,1,1\n", "a: line 2: '1e999999999' is no time"),
+        ("stamp_ns,x,y,theta\n1e999999999,1,1,1\n", "a: line 2: '1e999999999e-9' is no time"),
         ("VERTEX_SE2 0 1 1 1\nVERTEX_SE2 0 1 1 1\n", "a: line 2: vertex 0 comes twice"),
         ("VERTEX_SE2 0 1 1\n", "a: line 1: has 3 columns; expected 4: id x y theta"),
     ],

@@ -25,6 +25,7 @@ TRIANGLE = [[6, 3], [3, 7], [6, 7]]
 
 def test_first_vertex_repeated_at_the_end_is_dropped() -> None:
     assert World.of([[*TRIANGLE, TRIANGLE[0]]]).polygons[0].tolist() == TRIANGLE
+    assert World.of([[*TRIANGLE, *[TRIANGLE[0]] * 3]]).polygons[0].tolist() == TRIANGLE
 
 
 def test_bounds() -> None:
@@ -166,6 +167,7 @@ def test_paths_by_the_letter(text: str) -> None:
         ("0 0 speed=-1", "line 1: speed -1; expected metres per second, more than 0"),
         ("0 0 pause=nan", "line 1: pause nan; expected seconds, 0 or more"),
         ("0 inf", "line 1: x 0, y inf; expected finite numbers"),
+        ("a:\nwaypoints:x: [[0, 0]]", "p.txt: line 1: waypoints: key is missing"),
         ("waypoints: 3", "p.txt: line 1: waypoints: not a list"),
         ("waypoints:\n- [0, 0]\n- 7", "p.txt: line 3: waypoints[1]: not a list"),
         ("waypoints:\n- [0, 0]\n- [1]", "p.txt: line 3: '1'"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from pathlib import Path
 from typing import Any
 
@@ -294,3 +295,27 @@ def test_no_rotation(quaternion: tuple[float, float, float, float]) -> None:
 def test_quaternions_need_no_unit_length() -> None:
     motion = rigid((0, 0, 0), (0, 0, 3, 3))
     assert motion.pose().theta == pytest.approx(math.pi / 2)
+
+
+def test_a_frame_that_is_its_own_parent(tmp_path: Path) -> None:
+    loop = tf_static(
+        0, transform(0, "odom", "odom"), transform(0, "base_link", "laser", (0.2, 0, 0))
+    )
+    moving = tf(1, transform(1, "map", "map"))
+    records, _ = read(tmp_path, loop, moving, scan(1), scan(2))
+    assert near(mount_of(records).pose, 0.2, 0, 0)
+    assert poses_of(records) == []
+
+
+def test_long_chains_of_frames() -> None:
+    """A megabyte of transforms is looked up in much less than a second."""
+    tree = FrameTree()
+    for k in range(10_000):
+        tree.add(f"f{k}", f"f{k + 1}", rigid((0.001, 0, 0), (0, 0, 0, 1)))
+    tree.add("f9000", "side", rigid((0, 1, 0), (0, 0, 0, 1)))
+    start = time.process_time()
+    found = tree.lookup("side", "f10000")
+    assert found is not None
+    assert near(found.pose(), 1.0, -1.0, 0)
+    assert len(tree.ancestry("f10000")) == 10_001
+    assert time.process_time() - start < 1

@@ -149,6 +149,20 @@ def test_transparent_colour_and_palette_entry() -> None:
     assert (png(palette, transparency=3).alpha == 0).sum() == 1
 
 
+def test_transparency_of_colours_that_the_palette_does_not_have() -> None:
+    """Pillow notices it only when the pixels are converted."""
+    picture = Image.new("P", (2, 1))
+    picture.putpalette([0, 0, 0, 255, 255, 255])
+    out = io.BytesIO()
+    picture.save(out, "PNG", transparency=b"\x00" * 2, bits=8)
+    chunk = b"tRNS" + b"\x00" * 300
+    longer = struct.pack(">I", 300) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    data = out.getvalue()
+    start = data.index(b"tRNS") - 4
+    with pytest.raises(FormatError, match=r"m\.png: the PNG image is damaged \(palette index"):
+        read_png(data[:start] + longer + data[start + 14 :], "m.png").whole()
+
+
 def test_png_round_trip_with_alpha_and_note() -> None:
     data = png_of(RAMP, RAMP.T.copy(), "resolution: 0.05\nmode: raw")
     again = read_png(data, "m.png")

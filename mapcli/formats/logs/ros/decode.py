@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mapcli.formats.logs.rep117 import single
 from mapcli.formats.logs.ros.transforms import Rigid, rigid
 from mapcli.model.pose import Pose2D, planar_pose
 from mapcli.model.scan import NANOSECONDS
@@ -249,4 +250,4 @@ def _json_stamp(message: dict[str, Any]) -> int:
 
 def _number(value: Any) -> float:
     """A float32 field: JSON has no NaN, so null stands for it."""
-    return math.nan if value is None else float(np.float32(float(value)))
+    return math.nan if value is None else single(float(value))

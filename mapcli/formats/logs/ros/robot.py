@@ -87,10 +87,10 @@ def _robot_below_odom(tree: FrameTree, laser_frame: str, still: set[str]) -> Rob
         moving = _first(lambda frame: frame not in still, body)
         return Robot(tree, _first(is_base, body) or moving or body[-1], odom)
     # No transform connects the laser to odometry: look for the robot without it.
-    bodies = [child for child in tree.children() if is_odom(tree.ancestry(child)[1])]
+    bodies = [child for child in tree.children() if is_odom(tree.parent(child))]
     if bodies:
         body_frame = _first(is_base, bodies) or bodies[0]
-        return Robot(tree, body_frame, tree.ancestry(body_frame)[1])
+        return Robot(tree, body_frame, tree.parent(body_frame))
     return Robot(tree, _first(is_base, line) or line[-1])
 
 

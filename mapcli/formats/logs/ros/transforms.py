@@ -109,20 +109,25 @@ class FrameTree:
     def add(self, parent: str, child: str, parent_from_child: Rigid) -> None:
         self._parents[child] = parent, parent_from_child
 
+    def parent(self, child: str) -> str:
+        """The parent of one of the `children`."""
+        return self._parents[child][0]
+
     def ancestry(self, frame: str) -> list[str]:
         """The frame, its parent, and so on up to the root (or once around a loop)."""
-        line = [frame]
-        while line[-1] in self._parents:
-            parent = self._parents[line[-1]][0]
-            if parent in line:
+        line = {frame: None}  # in order
+        while frame in self._parents:
+            frame = self.parent(frame)
+            if frame in line:
                 break
-            line.append(parent)
-        return line
+            line[frame] = None
+        return list(line)
 
     def lookup(self, target: str, source: str) -> Rigid | None:
         """`target_from_source`; None if no chain of frames connects them."""
         target_line, source_line = self.ancestry(target), self.ancestry(source)
-        common = next((frame for frame in source_line if frame in target_line), None)
+        above = set(target_line)
+        common = next((frame for frame in source_line if frame in above), None)
         if common is None:
             return None
         up = self._climb(source_line[: source_line.index(common)])

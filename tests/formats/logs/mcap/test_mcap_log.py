@@ -535,6 +535,14 @@ def test_json_has_no_nan(tmp_path: Path) -> None:
     assert np.array_equal(scans_of(records)[0].ranges, expected, equal_nan=True)
 
 
+def test_json_of_more_than_a_float_holds(tmp_path: Path) -> None:
+    """As the same number would be in CDR: infinite, and no warning about it."""
+    sent = as_json(scan(1), range_max=1e300, ranges=[1, 2, 1e300])
+    records, _ = read(mcap_file(tmp_path, sent, encoding="json"))
+    assert scans_of(records)[0].ranges.tolist() == [1, 2, math.inf]
+    assert scans_of(records)[0].range_max == math.inf
+
+
 @pytest.mark.parametrize(
     "stamp", [{"sec": 5, "nanosec": 7}, {"sec": 5, "nsec": 7}, {"secs": 5, "nsecs": 7}]
 )
