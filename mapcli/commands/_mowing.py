@@ -92,14 +92,14 @@ def _write(
     plan: MowingPlan, mowings: list[Mowing], out: str | None, wheels: WheelModel,
     given: dict[str, Any], digest: dict[str, str],
 ) -> None:  # fmt: skip
-    no_clobber = given["no_clobber"]
-    if out:
-        from mapcli import save_log
-        from mapcli.algorithms.simulation.mowing import mower_log
+    with output_set(no_clobber=given["no_clobber"]) as results:
+        if out:
+            from mapcli.algorithms.simulation.mowing import mower_log
+            from mapcli.formats.logs.mcap.writer import write_log
 
-        first = mowings[min(1, len(mowings) - 1)].runs[0]
-        save_log(mower_log(plan, first, wheels.rate), out, no_clobber=no_clobber)
-    with output_set(no_clobber=no_clobber) as results:
+            first = mowings[min(1, len(mowings) - 1)].runs[0]
+            with results.opened(out) as file:
+                write_log(mower_log(plan, first, wheels.rate), file)
         if given["png"]:
             from mapcli.pictures.mowing import mowing_picture
 

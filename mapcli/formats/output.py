@@ -18,7 +18,12 @@ from pathlib import Path
 from typing import BinaryIO
 
 from mapcli.errors import OutputError
-from mapcli.formats.partial_file import PartialFile, clear_abandoned, signals_held_back
+from mapcli.formats.partial_file import (
+    PartialFile,
+    clear_abandoned,
+    folders_locked,
+    signals_held_back,
+)
 
 DESCRIPTOR = re.compile(r"/(?:dev|proc/self)/fd/(\d+)")
 STANDARD_STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
@@ -33,14 +38,14 @@ Content = bytes | Iterable[bytes]
 class OutputSet:
     """The files of one result (stateful): none appears before all are complete.
 
-    They are renamed in the order in which they were opened, with signals held back meanwhile, and
-    when one cannot be renamed the others are as before.
+    They are renamed in the order in which they were opened, with signals held back and other runs
+    waiting meanwhile, and when one cannot be renamed the others are as before.
     """
 
     def __init__(self, *, no_clobber: bool = False) -> None:
         self.no_clobber = no_clobber
-        self._partial: list[PartialFile] = []
-        self._streams: list[BinaryIO] = []
+        self._partial: dict[str, PartialFile] = {}
+        self._streams: list[tuple[str, BinaryIO]] = []
 
     def open(self, path: str | Path) -> BinaryIO:
         """A binary stream for a file, whose folder is made if there is none; `-` is standard
@@ -56,16 +61,22 @@ class OutputSet:
         with _telling(path):
             stream = _stream_of(path)
             if stream is not None:
-                self._streams.append(stream)
+                self._streams.append((str(path), stream))
                 return stream
             _refuse(path, no_clobber=self.no_clobber)
             target = Path(os.path.realpath(path))
-            if any(target == partial.target for partial in self._partial):
+            if any(target == partial.target for partial in self._partial.values()):
                 raise OutputError("two results cannot both be written to one file", file=path)
             target.parent.mkdir(parents=True, exist_ok=True)
             with signals_held_back():  # none comes between the file and who clears it
-                self._partial.append(PartialFile(target))
-            return self._partial[-1].file
+                self._partial[str(path)] = PartialFile(target)
+            return self._partial[str(path)].file
+
+    @contextmanager
+    def opened(self, path: str | Path) -> Iterator[BinaryIO]:
+        """The same, for a file that is written bit by bit: failures name it."""
+        with _telling(path):
+            yield self.open(path)
 
     def write(self, path: str | Path, content: Content) -> str:
         """Write one whole file of the set; its SHA-256, hexadecimal.
@@ -100,13 +111,16 @@ class OutputSet:
         """
         if sys.stdout is not None:  # closed, as by `>&-`
             sys.stdout.flush()
-        for stream in (*self._streams, *(partial.file for partial in self._partial)):
-            stream.close()
+        files = [(name, partial.file) for name, partial in self._partial.items()]
+        for name, file in (*self._streams, *files):
+            with _telling(name):
+                file.close()
+        folders = {partial.target.parent for partial in self._partial.values()}
         done: list[PartialFile] = []
-        with signals_held_back():
+        with folders_locked(folders), signals_held_back():
             try:
-                for partial in self._partial:
-                    with _telling(partial.target):
+                for name, partial in self._partial.items():
+                    with _telling(name):
                         partial.appear(no_clobber=self.no_clobber)
                     done.append(partial)
             except OutputError:
@@ -114,15 +128,15 @@ class OutputSet:
                     partial.undo()
                 raise
             finally:
-                for partial in self._partial:
+                for partial in self._partial.values():
                     partial.clean_up()
 
     def discard(self) -> None:
         """Leave everything as it was."""
-        for stream in self._streams:
+        for _, stream in self._streams:
             with suppress(OSError):
                 stream.close()
-        for partial in self._partial:
+        for partial in self._partial.values():
             partial.clean_up()
 
 
@@ -145,8 +159,8 @@ def output_file(path: str | Path, *, no_clobber: bool = False) -> Iterator[Binar
     Raises:
         OutputError: the file exists and `no_clobber` is set, or it cannot be written.
     """
-    with output_set(no_clobber=no_clobber) as outputs, _telling(path):
-        yield outputs.open(path)
+    with output_set(no_clobber=no_clobber) as outputs, outputs.opened(path) as file:
+        yield file
 
 
 @contextmanager

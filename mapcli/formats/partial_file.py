@@ -7,8 +7,8 @@ import os
 import secrets
 import signal
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 PREFIX, SUFFIX = ".mapcli-", ".part"
@@ -32,6 +32,19 @@ def signals_held_back() -> Iterator[None]:
             signal.signal(one, signal.SIG_DFL if handler is None else handler)
         for number in came[:1]:
             signal.raise_signal(number)
+
+
+@contextmanager
+def folders_locked(folders: Iterable[Path]) -> Iterator[None]:
+    """Other runs that let files appear in these folders wait meanwhile, so that of two sets in one
+    folder one stays whole. They wait only as long as renaming takes."""
+    with ExitStack() as locks:
+        for folder in sorted(folders):  # in one order, so that no two runs wait for each other
+            with suppress(OSError):  # not to be read, or a file system without locks
+                descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+                locks.callback(os.close, descriptor)
+                fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
 
 
 class PartialFile:

@@ -21,13 +21,17 @@ def kit(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def sandbox(
-    kit: Path, monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes]
-) -> Iterator[Sandbox]:
-    """A folder of its own with the kit in it, which is the current one."""
+    kit: Path, monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes],
+    request: pytest.FixtureRequest,
+) -> Iterator[Sandbox]:  # fmt: skip
+    """A folder of its own, which is the current one, with the kit in it; of a test of one example,
+    only what that reads."""
     with folder_for_all() as root:
         made = Sandbox(root, capfdbinary)
-        shutil.copytree(kit, made.folder, dirs_exist_ok=True)
-        made.folder.chmod(0o777)
+        parameters = request.node.callspec.params if hasattr(request.node, "callspec") else {}
+        for file in kit.iterdir():
+            if "example" not in parameters or file.name in parameters["example"].reads:
+                shutil.copy(file, made.folder)
         monkeypatch.chdir(made.folder)
         monkeypatch.setattr(tempfile, "tempdir", str(made.temporary))
         yield made

@@ -10,6 +10,7 @@ import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import click
 
@@ -23,7 +24,7 @@ EXAMPLES = {
     ),
     "frontier": (
         "<room.txt --robot 5,6 --known <known.txt --json >t.json --png >p.png --gif >g.gif "
-        "--map >m.yaml --curve >c.csv --max-steps 3",
+        "--map >m.yaml --curve >c.csv --max-steps 1",
     ),
     "similarity-table": (
         "<room.txt <scan.yaml --json >t.json --png >p.png --update >u.txt",
@@ -36,7 +37,7 @@ EXAMPLES = {
     ),
     "simulate": (
         "<world.yaml >o.mcap --path <path.txt --beams 8 --scan-rate 1",
-        "<lawn.yaml >o.mcap --mow --runs 2 --mow-width 2 --png >p.png --json >r.json",
+        "<lawn.yaml >o.mcap --mow --runs 2 --mow-width 2 --odom-rate 1 --png >p.png --json >r.json",
     ),
     "evaluate": (
         "<trace.json <truth.tum --json >e.json --png >p.png",
@@ -99,6 +100,12 @@ class Example:
     def name(self) -> str:
         return f"{self.command}-{self.number}"
 
+    @property
+    def reads(self) -> set[str]:
+        """All files that it reads, the image of a YAML among them."""
+        named = {slot.name for slot in self.slots if not slot.written}
+        return named | ({"image.pgm"} if "image.yaml" in named else set())
+
     def arguments(self, names: dict[Slot, str] | None = None) -> list[str]:
         """The words for `mapcli`, some files under other names."""
         words = list(self.words)
@@ -129,13 +136,14 @@ def takes_file(parameter: click.Parameter) -> bool:
     return isinstance(parameter.type, click.Path | click.File)
 
 
-def all_examples() -> list[Example]:
+@cache
+def all_examples() -> tuple[Example, ...]:
     """The table, read."""
-    return [
+    return tuple(
         read_example(name, number, line)
         for name in COMMANDS
         for number, line in enumerate(EXAMPLES.get(name, ()))
-    ]
+    )
 
 
 def read_example(name: str, number: int, line: str) -> Example:

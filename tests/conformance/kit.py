@@ -101,9 +101,9 @@ class Sandbox:
 
     def state(self) -> dict[str, bytes]:
         """Every regular file in the folder."""
-        return {str(path.relative_to(self.folder)): path.read_bytes()
-                for path in self.folder.rglob("*")
-                if path.is_file() and os.access(path, os.R_OK)}  # fmt: skip
+        paths = [os.path.join(folder, name) for folder, _, names in os.walk(".") for name in names]
+        return {os.path.relpath(path): Path(path).read_bytes() for path in paths
+                if os.path.isfile(path) and os.access(path, os.R_OK)}  # fmt: skip
 
     def run(self, *arguments: str, stdin: bytes | None = None, as_nobody: bool = False) -> Ran:
         """Run `mapcli` in this process; no temporary file may stay."""

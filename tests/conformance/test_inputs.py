@@ -46,8 +46,8 @@ def make_zeros(path: Path) -> None:
 
 
 def make_wrong_format(path: Path) -> None:
-    other = "points.yaml" if path.suffix in (".mcap", ".log") else "log.mcap"
-    path.write_bytes(Path(other).read_bytes())
+    is_log = path.suffix in (".mcap", ".log")
+    path.write_bytes(b"points:\n  - [0, 0]\n" if is_log else b"\x89MCAP0\r\n" * 9)
 
 
 def make_unreadable(path: Path) -> None:

@@ -117,6 +117,16 @@ def test_a_device_is_written_into(
     assert stat.S_ISCHR(Path(slot.name).stat().st_mode)
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is always full")
+@pytest.mark.parametrize(("example", "slot"), OUTPUTS)
+def test_a_full_device(example: Example, slot: Slot, sandbox: Sandbox, usual: Usual) -> None:
+    usual(example)
+    Path(slot.name).symlink_to("/dev/full")
+    ran = sandbox.run(*example.arguments())
+    ran.is_one_error(slot.name)
+    assert "o space left on device" in ran.err
+
+
 @pytest.mark.parametrize(("example", "slot"), OUTPUTS)
 def test_a_fifo_is_written_into(
     example: Example, slot: Slot, sandbox: Sandbox, usual: Usual

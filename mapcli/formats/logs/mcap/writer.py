@@ -209,6 +209,12 @@ def save_log(
         DataError: a stamp that does not fit into a ROS 2 time.
         OutputError: the file cannot be written, or exists and `no_clobber` is set.
     """
-    with output_file(path, no_clobber=no_clobber) as file, McapLogWriter(file, names) as writer:
+    with output_file(path, no_clobber=no_clobber) as file:
+        write_log(records, file, names)
+
+
+def write_log(records: Iterable[Record], file: BinaryIO, names: LogNames | None = None) -> None:
+    """Write records as MCAP into an open file, see `save_log`."""
+    with McapLogWriter(file, names) as writer:
         for record in records:
             writer.write(record)
