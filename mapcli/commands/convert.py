@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from mapcli.commands._map_output import DEFAULTS, loss_notes, save_options, write_map
-from mapcli.commands._options import FILE, POSE, Number, common_options, no_clobber_option
+from mapcli.commands._options import FILE, POSE, POSITIVE, Number, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say, warn
 from mapcli.formats.maps.dialects import DIALECTS
@@ -42,7 +42,7 @@ SHARE = Number(0, 1)
     f"[default: {TRINARY_THRESHOLDS[1]:g}; {WHOLE_SCALE[1]:g} for scale]",
 )
 @click.option("--negate", is_flag=True, help="Dark is open in OUT's image, light is obstacle.")
-@click.option("--resolution", type=float, help="Metres per cell, in the place of IN's.")
+@click.option("--resolution", type=POSITIVE, help="Metres per cell, in the place of IN's.")
 @click.option("--origin", type=POSE, help="Corner bottom left, in the place of IN's.")
 @click.option(
     "--threshold", type=SHARE, metavar="P", help="Make known cells 1 from P on and 0 below."
@@ -100,8 +100,6 @@ def command(
 
     dialect = from_dialect or given["dialect"]
     options = save_options(target, given)
-    if resolution is not None and not resolution > 0:
-        raise click.UsageError("--resolution must be more than 0.")
     # IN may be OUT; its image is looked after when the map is written.
     check_outputs([target], (), "maps", no_clobber=no_clobber)
     loaded = load_map(source, dialect=dialect, resolution=resolution, origin=origin)

@@ -194,8 +194,8 @@ def test_data_errors(
         (["book.txt", "m.yaml", "--characters"], "--characters is for txt, and OUT is yaml"),
         (["book.txt", "-", "--inline"], "--inline is for yaml, and OUT is txt"),
         (["book.txt", "m.yaml", "--threshold", "1.5"], "1.5 is not in the range 0<=x<=1"),
-        (["book.txt", "m.yaml", "--resolution", "0"], "--resolution must be more than 0"),
-        (["book.txt", "m.yaml", "--resolution", "nan"], "--resolution must be more than 0"),
+        (["book.txt", "m.yaml", "--resolution", "0"], "Invalid value for '--resolution'"),
+        (["book.txt", "m.yaml", "--resolution", "nan"], "Invalid value for '--resolution'"),
         (
             ["book.txt", "m.yaml", "--mode", "grey"],
             "'grey' is not one of 'trinary', 'scale'",
