@@ -2,23 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from conftest import SHARED, run
-
-DAMAGE = SHARED / "cases" / "damage"
-
-MEASURE = """
-import os, resource, subprocess, sys
-resource.setrlimit(resource.RLIMIT_CPU, (20, 20))
-process = subprocess.Popen([sys.executable, *sys.argv[1:]], stdout=subprocess.DEVNULL)
-_, status, used = os.wait4(process.pid, 0)
-print(os.waitstatus_to_exitcode(status), used.ru_maxrss)
-"""
-"""A small process in between: the memory of who starts a process counts as its child's."""
+from conftest import run
 
 
 def test_no_image_is_read_from_a_device(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -44,29 +31,6 @@ def test_a_vertex_far_away(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     said = capsys.readouterr().err
     assert "the outlines pass through" in said
     assert "4 x 9,999,997 cells" in said
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not DAMAGE.is_dir(), reason="needs the shared cases")
-@pytest.mark.parametrize(
-    "command",
-    [
-        "slam-replay -q carmen-slow.log -o OUT",
-        "info image-dev-zero.yaml",
-        "rasterize alias-bomb.yaml OUT.txt",
-        "rasterize rasterize-slow2.yaml OUT.txt",
-    ],
-)
-def test_handed_inputs(command: str, tmp_path: Path) -> None:
-    """Half a gigabyte at most."""
-    words = [str(DAMAGE / word) if (DAMAGE / word).is_file() else word for word in command.split()]
-    words = [word.replace("OUT", str(tmp_path / "out")) for word in words]
-    said = subprocess.run(
-        [sys.executable, "-c", MEASURE, "-m", "mapcli", *words], capture_output=True, timeout=120
-    )
-    status, kilobytes = map(int, said.stdout.split()[-2:])
-    assert status in (0, 1)
-    assert kilobytes < 512 * 1024
 
 
 def test_one_stray_reading_is_no_error_code(tmp_path: Path) -> None:

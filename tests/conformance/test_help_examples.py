@@ -74,6 +74,7 @@ def stand_ins(kit: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", EXAMPLES, ids=" ".join)
 def test_an_example_runs(words: list[str], sandbox: Sandbox, kit: Path, stand_ins: Path) -> None:
     """All of a pipe that is `mapcli`; other programs at its end only show what comes out."""

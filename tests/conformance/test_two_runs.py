@@ -8,6 +8,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from conftest import run
 
 from mapcli.formats.output import OutputError, OutputSet
 from mapcli.formats.partial_file import PartialFile
@@ -87,9 +88,9 @@ def replay(log: str, folder: str) -> subprocess.Popen[bytes]:
 def test_two_replays_into_one_folder(order: tuple[str, str], kit: Path) -> None:
     """The one takes longer than the other; they are started in both orders."""
     for log in order:
-        assert replay(str(kit / log), log.partition(".")[0]).wait() == 0
+        assert run("slam-replay", "-q", kit / log, "-o", log.partition(".")[0]) == 0
     runs = [replay(str(kit / log), "both") for log in order]
-    assert [run.wait() for run in runs] == [0, 0]
+    assert [started.wait() for started in runs] == [0, 0]
 
     def files(folder: str) -> dict[str, bytes]:
         return {path.name: path.read_bytes() for path in Path(folder).iterdir()}
