@@ -12,7 +12,7 @@ import click
 from mapcli.commands._options import NOT_NEGATIVE, POSE
 from mapcli.commands._say import say, warn
 from mapcli.formats.logs.open_log import Log, open_log
-from mapcli.model.log import LogOptions, select
+from mapcli.model.log import LogOptions
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Mount, Record
 
@@ -66,12 +66,13 @@ class LogInput:
 
     def records(self, log: Log) -> Iterator[Record]:
         """The records asked for."""
-        return select(log.records(), self.start_s, self.end_s, self.every)
+        return log.records(self.start_s, self.end_s, self.every)
 
     def parameters(self) -> dict[str, Any]:
         """The effective parameters, for the head of a document."""
         options = asdict(self.options)
-        options.pop("strict")  # changes whether there is a result, never the result
+        for name in ("strict", "one_recording"):
+            options.pop(name)  # changes whether there is a result, never the result
         return {**options, "start_s": self.start_s, "end_s": self.end_s, "every": self.every}
 
 
@@ -108,6 +109,12 @@ OPTIONS = (
     click.option(
         "--strict", is_flag=True, help="Refuse a damaged log instead of using what can be read."
     ),
+    click.option(
+        "--one-recording",
+        is_flag=True,
+        help="Read as one recording what seems to be several: overlapping times, gaps of hours, "
+        "odometry that starts again.",
+    ),
 )
 
 
@@ -125,11 +132,12 @@ def log_input_options(command: Command) -> Command:
         end: float | None,
         every: int,
         strict: bool,
+        one_recording: bool,
         **rest: Any,
     ) -> Any:
         if start is not None and end is not None and end < start:
             raise click.UsageError("--end is before --start.")
-        options = LogOptions(scan_topic, odom_topic, laser_pose, time_source, strict)
+        options = LogOptions(scan_topic, odom_topic, laser_pose, time_source, strict, one_recording)
         return command(*args, log_input=LogInput(options, start, end, every), **rest)
 
     for option in reversed(OPTIONS):
@@ -143,4 +151,6 @@ def say_notes(log: Log, *, verbose: bool = False, quiet: bool = False) -> None:
         say(f"Scans from {log.scan_topic}, odometry from {log.odom_topic}.")
     for text in () if quiet else log.notes:
         say(f"Note: {text}")
+    for found in log.breaks if log.options.one_recording and not quiet else ():
+        say(f"Note: read as one recording, though {found.what}")
     warn(log.name, log.damage.lines())

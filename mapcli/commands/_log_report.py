@@ -31,7 +31,7 @@ def log_report(file: str, *, verbose: bool = False) -> tuple[list[str], dict[str
     Raises:
         FormatError: nothing can be read.
     """
-    log = open_log([file], LogOptions())
+    log = open_log([file], LogOptions(one_recording=True))
     content = describe(log)
     lines = [f"{file}: log", *_lines(content, verbose)]
     return lines, document("mapcli.log-info", log.digests(), {}, content)
@@ -134,6 +134,9 @@ def _odometry(check: LogCheck) -> dict[str, Any]:
 
 def _warnings(log: Log, check: LogCheck) -> Iterator[str]:
     """Warnings about a log that can be read."""
+    for found in log.breaks:
+        at_s = (found.before_ns - check.start_ns) * 1e-9
+        yield f"after {at_s:.1f} s {found.what}: another recording, slam-replay refuses it"
     for name, timing in (("scans", check.scans), ("odometry", check.odometry)):
         if timing.gaps:
             yield (

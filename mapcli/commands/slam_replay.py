@@ -123,8 +123,8 @@ def command(
     """Turn a robot log into a map and a pose trace (Algorithm 9.2).
 
     LOG is an MCAP file with laser scans and odometry, a CARMEN log (plain or gzip), a folder with
-    MCAP files, or - for standard input; several LOGs are one recording in parts. Every scan gets
-    a pose or a reason.
+    MCAP files, or - for standard input; several LOGs are one recording in parts, in any order.
+    Recordings that are not one are refused. Every scan gets a pose or a reason.
 
     \b
     Examples:

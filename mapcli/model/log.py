@@ -44,6 +44,7 @@ class LogOptions:
         laser_pose: overrides the mount that the log tells.
         time_source: `header` uses the stamp inside a message, `log` the time it was recorded at.
         strict: refuse a damaged log instead of using what can be read.
+        one_recording: read what seems to be several recordings as one, instead of refusing it.
     """
 
     scan_topic: str | None = None
@@ -51,6 +52,7 @@ class LogOptions:
     laser_pose: Mount | None = None
     time_source: Literal["header", "log"] = "header"
     strict: bool = False
+    one_recording: bool = False
 
 
 class Loss(Enum):

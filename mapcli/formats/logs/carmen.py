@@ -25,6 +25,7 @@ from mapcli.errors import FormatError
 from mapcli.formats.logs.blocks import read_lines
 from mapcli.formats.logs.carmen_lines import PARSERS, LaserMessage, message_name
 from mapcli.formats.logs.log import Log, Source, describe_mount
+from mapcli.formats.logs.one_recording import Spans
 from mapcli.formats.logs.rep117 import rep117, single
 from mapcli.model.log import Damage, LogOptions, Loss, Topic
 from mapcli.model.pose import Pose2D, rounded_angle, wrap_angle
@@ -98,40 +99,52 @@ class CarmenLog(Log):
     def __init__(self, sources: Sequence[Source], options: LogOptions) -> None:
         super().__init__(sources, options)
         self._survey = _Survey()
-        self._spans: dict[str, tuple[int, int]] = {}
-        for source in self.sources:
-            self._look_over(source)
-        if not self._spans:
+        self._spans = [self._look_over(source) for source in self.sources]
+        if not any(self._spans):
             raise FormatError(
                 "holds no valid message",
                 file=self.sources[0].name,
                 expected="ODOM, FLASER or ROBOTLASER1 lines",
             )
 
-    def _look_over(self, source: Source) -> None:
-        """Survey one file, and note the stamps of the first and the last message of each name."""
+    def _look_over(self, source: Source) -> dict[str, tuple[int, int]]:
+        """Survey one file; name -> the stamps of its first and its last message."""
         survey, last = self._survey, dict[str, bytes]()
+        spans: dict[str, tuple[int, int]] = {}
         for _, name, line in self._lines(source, Damage()):
             survey.counts[name] = survey.counts.get(name, 0) + 1
             if name in PARSERS:
                 last[name] = line
-                if survey.wants(name):
-                    self._look_at(name, line, survey.add)
+                if survey.wants(name) or name not in spans:
+                    self._look_at(name, line, spans, survey.add if survey.wants(name) else None)
         for name, line in last.items():
-            self._look_at(name, line)
+            self._look_at(name, line, spans)
+        return spans
 
     def _look_at(
         self,
         name: str,
         line: bytes,
+        spans: dict[str, tuple[int, int]],
         add: Callable[[str, LaserMessage | Odometry], None] | None = None,
     ) -> None:
         message = self._parse(name, line)
         if message is not None:
-            first, last = self._spans.get(name, (message.stamp_ns, message.stamp_ns))
-            self._spans[name] = min(first, message.stamp_ns), max(last, message.stamp_ns)
+            first, last = spans.get(name, (message.stamp_ns, message.stamp_ns))
+            spans[name] = min(first, message.stamp_ns), max(last, message.stamp_ns)
             if add is not None:
                 add(name, message)
+
+    def _span(self, name: str) -> tuple[int, int]:
+        """Of all files together; (0, 0) where it is not known."""
+        spans = [spans[name] for spans in self._spans if name in spans]
+        if not spans:
+            return 0, 0
+        return min(first for first, _ in spans), max(last for _, last in spans)
+
+    def _part_spans(self) -> list[Spans]:
+        wanted = self._wanted()
+        return [{name: spans[name] for name in spans if name in wanted} for spans in self._spans]
 
     def topics(self) -> list[Topic]:
         return [
@@ -141,7 +154,7 @@ class CarmenLog(Log):
                 "CARMEN",
                 "carmen",
                 count,
-                *self._spans.get(name, (0, 0)),
+                *self._span(name),
             )
             for name, count in sorted(self._survey.counts.items())
         ]
@@ -160,16 +173,25 @@ class CarmenLog(Log):
 
     def _records(self) -> Iterator[Record]:
         scan_name = self.require_scan_topic().name
-        wanted = {scan_name, "ODOM"} if self.options.odom_topic != scan_name else {scan_name}
         own_odometry = self.options.odom_topic in (None, scan_name)
         mount, limit = self._mount(scan_name), self._limit(scan_name)
-        parts = [self._part(source, wanted, own_odometry, mount, limit) for source in self.sources]
-        return merge(*parts, key=lambda record: record.stamp_ns) if len(parts) > 1 else parts[0]
+        parts = [
+            ((record, number) for record in self._part(source, own_odometry, mount, limit))
+            for number, source in enumerate(self.sources)
+        ]
+        for record, part in merge(*parts, key=lambda item: item[0].stamp_ns):
+            self.part = part
+            yield record
+
+    def _wanted(self) -> set[str]:
+        """The names of the messages that are read."""
+        scan_name = self.require_scan_topic().name
+        return {scan_name, "ODOM"} if self.options.odom_topic != scan_name else {scan_name}
 
     def _part(
-        self, source: Source, wanted: set[str], own_odometry: bool, mount: Mount, limit: float
+        self, source: Source, own_odometry: bool, mount: Mount, limit: float
     ) -> Iterator[Record]:
-        for number, message in self._messages(source, wanted):
+        for number, message in self._messages(source, self._wanted()):
             if isinstance(message, Odometry):
                 yield message
             else:

@@ -13,9 +13,11 @@ from operator import attrgetter
 from pathlib import Path
 
 from mapcli.errors import DataError, FormatError
+from mapcli.formats.logs.continuity import Break, Continuity
+from mapcli.formats.logs.one_recording import Part, Spans, refuse_breaks, refuse_overlap
 from mapcli.formats.logs.topics import choose_odom_topic, choose_scan_topic
 from mapcli.model.counting import counted
-from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, Loss, Topic
+from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, Loss, Topic, select
 from mapcli.model.pose import rounded_angle
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record
 
@@ -63,6 +65,7 @@ class Log(ABC):
         beams: what became of the beams of the scans yielded so far.
         disordered: scans and odometry records that came after one of a later stamp.
         delays: topic -> how much later than stamped its messages were recorded.
+        part: number of the file of the last record, in the order of recording.
         scans_are: what scans look like in this format, for messages.
     """
 
@@ -77,6 +80,8 @@ class Log(ABC):
         self.beams = BeamCounts()
         self.disordered = 0
         self.delays: dict[str, Delay] = {}
+        self.part, self._start_ns = 0, 0
+        self._continuity = Continuity()
         self.laser_pose = options.laser_pose and rounded_mount(options.laser_pose)
 
     @abstractmethod
@@ -144,24 +149,49 @@ class Log(ABC):
             digests[f"{name} (part {number})" if name in digests else name] = digest
         return digests
 
-    def records(self) -> Iterator[Record]:
+    @property
+    def breaks(self) -> Sequence[Break]:
+        """Where another recording begins, as far as the log was read."""
+        return self._continuity.breaks
+
+    def records(
+        self, start_s: float | None = None, end_s: float | None = None, every: int = 1
+    ) -> Iterator[Record]:
         """Odometry and scans in the order of their stamps.
 
         Records of equal stamps keep the order of the log; a scan that carries its own odometry
         comes right after it. Ranges follow REP 117. May be called again to read once more.
 
+        Args:
+            start_s, end_s, every: the part wanted, see `model.log.select`.
+
         Raises:
-            DataError: no scan topic or no obvious one.
+            DataError: no scan topic or no obvious one; recordings that are not one, unless
+                `options.one_recording`.
             FormatError: nothing can be read, or the log is damaged and `strict` is set.
         """
+        self._continuity = Continuity()
+        records = select(self._all_records(), start_s, end_s, every)
+        if self.options.one_recording:
+            return records
+        names = [source.name for source in self.sources]
+        return refuse_breaks(records, self.breaks, names, lambda: self._start_ns)
+
+    def _all_records(self) -> Iterator[Record]:
         self.damage.clear()
         self.beams, self.disordered, self.delays = BeamCounts(), 0, {}
         self.require_scan_topic()
         if self.find_odom_topic() is None:
             self.note("no odometry: poses come from matching scans alone")
-        scans = 0
+        if len(self.sources) > 1 and not self.options.one_recording:
+            parts = zip(self.sources, self._part_spans(), strict=True)
+            refuse_overlap([Part(source.name, source.path, spans) for source, spans in parts])
+        scans, self._start_ns = 0, -1
+        watched = self._continuity.watched(self._records(), lambda: self.part)
         try:
-            for record in self._in_stamp_order(self._records()):
+            for record in self._in_stamp_order(watched):
+                if self._start_ns < 0:
+                    self._start_ns = record.stamp_ns
                 scans += isinstance(record, RangeScan)
                 self.damage.scans_read = scans
                 yield record
@@ -172,8 +202,12 @@ class Log(ABC):
             raise FormatError(f"not one scan can be read{reasons}", file=self.sources[0].name)
 
     @abstractmethod
+    def _part_spans(self) -> list[Spans]:
+        """For each file, when it was recorded: of the scans and the odometry that are read."""
+
+    @abstractmethod
     def _records(self) -> Iterator[Record]:
-        """The records in roughly the order of their stamps."""
+        """The records in the order of recording, roughly that of their stamps; sets `part`."""
 
     def _in_stamp_order(self, records: Iterable[Record]) -> Iterator[Record]:
         """The records sorted by stamp within a window of `REORDER_RECORDS`; equal ones stay.

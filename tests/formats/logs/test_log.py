@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from mapcli.errors import FormatError
 from mapcli.formats.logs import log as _log
 from mapcli.formats.logs.log import Log, Source, StrictDamage
+from mapcli.formats.logs.one_recording import Spans
 from mapcli.formats.logs.open_log import open_log
 from mapcli.formats.logs.rep117 import rep117, sensible_limits
 from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, Loss, Topic, select
@@ -40,6 +41,9 @@ class ListLog(Log):
 
     def topics(self) -> list[Topic]:
         return [Topic("/scan", "scan", "LaserScan", "cdr", len(self._list))]
+
+    def _part_spans(self) -> list[Spans]:
+        return [{}]
 
     def _records(self) -> Iterator[Record]:
         yield from self._list

@@ -13,6 +13,7 @@ from typing import Any
 from mapcli.errors import DataError
 from mapcli.formats.logs.log import Log, Source, describe_mount
 from mapcli.formats.logs.mcap.container import McapFile
+from mapcli.formats.logs.one_recording import Spans
 from mapcli.formats.logs.ros import decode as decode
 from mapcli.formats.logs.ros.decode import LaserScan, Transform
 from mapcli.formats.logs.ros.laser_scan import range_scan
@@ -42,8 +43,8 @@ DECODERS: dict[tuple[Role, str], Callable[[Any], Any]] = {
     ("tf_static", "json"): decode.transforms_from_json,
 }
 
-Decoded = tuple[int, Topic, Any]
-"""Log time, topic, message."""
+Decoded = tuple[int, Topic, Any, int]
+"""Log time, topic, message, number of the file."""
 
 
 class McapLog(Log):
@@ -96,23 +97,22 @@ class McapLog(Log):
 
     def _first(self, topic: Topic, attribute: str) -> str:
         """A frame's name in the first message of the topic."""
-        for _, _, message in self._messages([topic], Damage()):
+        for _, _, message, _ in self._messages([topic], Damage()):
             return str(getattr(message, attribute))
         return ""
 
     def _transforms(self, role: Role) -> Iterator[Transform]:
         topics = [topic for topic in self._topics if topic.role == role]
-        for _, _, message in self._messages(topics, Damage()):
+        for _, _, message, _ in self._messages(topics, Damage()):
             yield from message
 
     def _messages(self, topics: Sequence[Topic], damage: Damage) -> Iterator[Decoded]:
         """The messages of these topics, decoded, by log time over all files."""
-        parts = [self._decoded(file, topics, damage) for file in self._files]
+        parts = [self._decoded(part, topics, damage) for part in range(len(self._files))]
         return merge(*parts, key=itemgetter(0)) if len(parts) > 1 else parts[0]
 
-    def _decoded(
-        self, file: McapFile, topics: Sequence[Topic], damage: Damage
-    ) -> Iterator[Decoded]:
+    def _decoded(self, part: int, topics: Sequence[Topic], damage: Damage) -> Iterator[Decoded]:
+        file = self._files[part]
         carried = {
             number: (topic, DECODERS[topic.role, topic.encoding])
             for topic in topics
@@ -123,12 +123,24 @@ class McapLog(Log):
         for log_time, number, data in file.messages(set(carried), damage, scans):
             topic, decoder = carried[number]
             try:
-                yield log_time, topic, decoder(data)
+                yield log_time, topic, decoder(data), part
             except ValueError:
                 where = f"at {log_time / NANOSECONDS:.3f} s"
                 what = f"messages on {topic.name} without readable content"
                 loss = Loss.LOST_SCAN if topic.role == "scan" else Loss.OTHER
                 damage.add(what, loss=loss, file=file.source.name, where=where)
+
+    def _part_spans(self) -> list[Spans]:
+        wanted = [self.require_scan_topic(), *filter(None, [self.find_odom_topic()])]
+        return [
+            {
+                topic.name: file.spans[number]
+                for topic in wanted
+                for carrier, number in self._topics[topic]
+                if carrier is file and number in file.spans
+            }
+            for file in self._files
+        ]
 
     def _records(self) -> Iterator[Record]:
         for what, times in self._structure.counts.items():
@@ -140,7 +152,9 @@ class McapLog(Log):
         robot = self._known_robot(odom)
         transforms = TfOdometry(robot) if odom and odom.role == "tf" else None
         mounts: dict[str, Mount] = {}
-        for log_time, topic, message in self._messages([scan, *filter(None, [odom])], self.damage):
+        wanted = [scan, *filter(None, [odom])]
+        for log_time, topic, message, part in self._messages(wanted, self.damage):
+            self.part = part
             if transforms is not None and topic is odom:
                 message = transforms.follow(message)
                 if message is None:

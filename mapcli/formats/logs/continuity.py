@@ -1,0 +1,272 @@
+"""Whether a log is one recording of one drive.
+
+Two drives that are read as one become one map of two places, and no score tells. Within a recording
+odometry goes on from where it was, over a pause of any length too. Another recording begins where
+odometry goes on from somewhere else, and one of these says that the wheels are not to blame:
+
+- nothing was recorded for a while before, neither odometry nor scans;
+- stamps go back;
+- another file begins;
+- odometry comes back to the old place and leaves it, again and again: two drives are interleaved.
+
+A single record may be nonsense, so odometry must have gone on from the new place for a while.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from mapcli.model.pose import Pose2D, wrap_angle
+from mapcli.model.scan import NANOSECONDS, Odometry, RangeScan, Record
+
+GAP_PERIODS, GAP_S = 5.0, 1.0
+"""Nothing is recorded when a record is later by more than so many mean periods and seconds."""
+
+LONG_GAP_S = 600.0
+"""After so long, a robot that was driven meanwhile, unseen, is on another drive."""
+
+SET_BACK_S = 1.0
+"""Stamps go back when one is before the last one by more; less is disorder."""
+
+FASTEST_M_S, USUAL_M_S = 10.0, 5.0
+"""No robot that maps floor plans is faster than the one. Any may have driven as fast as the other
+while nothing was recorded, or as fast as it was seen to."""
+
+SHORTEST_STEP_S = 0.1
+"""Stamps come in bursts; a step counts as at least this long."""
+
+SAME_M = 1.0
+"""Odometry goes on from where it was within this, whatever the time: robots are turned and pushed.
+It is also what the fastest one does in the shortest step."""
+
+AT_ZERO, NEAR_ZERO, AWAY = (1e-6, 1e-6), (0.1, math.radians(5)), (0.5, math.radians(20))
+"""Metres and radians. Odometry restarts at zero, or near it when it was not recorded at once.
+That it was at zero says nothing where it was near before. Near zero it may also come by itself
+while nothing is recorded, when it was not so far away."""
+
+RECENT_S = 10.0
+"""Interleaved drives come back within this time."""
+
+CONFIRMING_RECORDS = 10
+"""Records that go on from a new place before it counts."""
+
+INTERLEAVED_RETURNS = 10
+"""Returns to an old place that tell two interleaved drives, `SAME_M` long at least."""
+
+
+class Break(NamedTuple):
+    """Where another recording begins.
+
+    Attributes:
+        what: was found, for a person.
+        before_ns, after_ns: stamps of the last record before it, and of its first.
+        parts: numbers of the files of these two.
+        mixed: its stamps are not all later than those before.
+    """
+
+    what: str
+    before_ns: int
+    after_ns: int
+    parts: tuple[int, int]
+    mixed: bool = False
+
+
+@dataclass
+class _Track:
+    """Odometry that goes on from where it was (mutable)."""
+
+    start: Pose2D
+    pose: Pose2D
+    stamp_ns: int
+    part: int
+    records: int = 1
+
+    @classmethod
+    def of(cls, odometry: Odometry, part: int) -> _Track:
+        return cls(odometry.pose, odometry.pose, odometry.stamp_ns, part)
+
+    def extend(self, odometry: Odometry, part: int) -> None:
+        self.pose, self.stamp_ns, self.part = odometry.pose, odometry.stamp_ns, part
+        self.records += 1
+
+    def seconds_to(self, odometry: Odometry) -> float:
+        return (odometry.stamp_ns - self.stamp_ns) / NANOSECONDS
+
+    def reaches(self, odometry: Odometry, speed: float) -> bool:
+        """Whether a robot of a speed, metres per second, may have driven on so."""
+        seconds = max(self.seconds_to(odometry), SHORTEST_STEP_S)
+        return self.pose.distance(odometry.pose) <= speed * seconds
+
+
+@dataclass
+class _Times:
+    """The stamps of records of one kind, in the order of recording (mutable)."""
+
+    count: int = 0
+    first_ns: int = 0
+    last_ns: int = 0
+
+    def add(self, stamp_ns: int) -> None:
+        if not self.count:
+            self.first_ns = stamp_ns
+        self.last_ns = stamp_ns
+        self.count += 1
+
+    def is_gap(self, seconds: float) -> bool:
+        """Whether a step between two of them is much longer than the mean."""
+        mean = (self.last_ns - self.first_ns) / NANOSECONDS / max(self.count - 1, 1)
+        return seconds > max(GAP_S, GAP_PERIODS * mean)
+
+
+class _Suspicion(NamedTuple):
+    """A break that is not certain yet; `needs_silence`: no scans may have been recorded either."""
+
+    found: Break
+    needs_silence: bool
+
+
+class Continuity:
+    """Finds the breaks in a log while it is read (stateful).
+
+    Attributes:
+        breaks: found so far.
+    """
+
+    def __init__(self) -> None:
+        self.breaks: list[Break] = []
+        self._odometry, self._scans = _Times(), _Times()
+        # The track that odometry is on, and the one that it left.
+        self._track: _Track | None = None
+        self._left: _Track | None = None
+        self._suspicion: _Suspicion | None = None
+        # Of the scans since odometry went on: the longest step, and how many after it left.
+        self._scan_step_s, self._scans_since = 0.0, 0
+        self._longest_m, self._speed, self._returns = 0.0, USUAL_M_S, 0
+
+    def watched(self, records: Iterable[Record], part: Callable[[], int]) -> Iterator[Record]:
+        """The records.
+
+        Args:
+            records: in the order in which they were recorded.
+            part: tells the number of the file that the last record is from.
+        """
+        for record in records:
+            if isinstance(record, Odometry):
+                self._add_odometry(record, part())
+            elif isinstance(record, RangeScan):
+                self._add_scan(record.stamp_ns, part())
+            yield record
+
+    def _add_scan(self, stamp_ns: int, part: int) -> None:
+        times = self._scans
+        step_s = (stamp_ns - times.last_ns) / NANOSECONDS if times.count else 0.0
+        self._scan_step_s = max(self._scan_step_s, step_s)
+        self._scans_since += 1
+        if self._track is None:
+            self._watch_scans_alone(step_s, stamp_ns, part)
+        times.add(stamp_ns)
+
+    def _watch_scans_alone(self, step_s: float, stamp_ns: int, part: int) -> None:
+        """Without odometry, nothing goes on over a long gap."""
+        if step_s > LONG_GAP_S:
+            what = f"nothing was recorded for {duration(step_s)}, and no odometry goes on over it"
+            found = Break(what, self._scans.last_ns, stamp_ns, (part, part))
+            self._suspicion, self._scans_since = _Suspicion(found, needs_silence=True), 0
+        elif step_s < -SET_BACK_S:
+            self._suspicion = None  # the stamp before was nonsense
+        elif self._suspicion and self._scans_since == CONFIRMING_RECORDS:
+            self.breaks.append(self._suspicion.found)
+            self._suspicion = None
+
+    def _add_odometry(self, odometry: Odometry, part: int) -> None:
+        track, left = self._track, self._left
+        if track is None:
+            self._track, self._suspicion = _Track.of(odometry, part), None
+        elif self._goes_on(track, odometry):
+            track.extend(odometry, part)
+            if self._suspicion is None:
+                self._scan_step_s = 0.0
+            elif track.records >= CONFIRMING_RECORDS and self._scans_since:
+                self._decide(self._suspicion)
+        elif left is not None and self._returns_to(left, odometry, track):
+            self._return(left, odometry, part)
+        else:
+            self._leave(track, odometry, part)
+        self._odometry.add(odometry.stamp_ns)
+
+    def _goes_on(self, track: _Track, odometry: Odometry) -> bool:
+        """Whether odometry goes on from where it was."""
+        step_s, metres = track.seconds_to(odometry), track.pose.distance(odometry.pose)
+        if _differs(track.pose, NEAR_ZERO) and not _differs(odometry.pose, AT_ZERO):
+            return False
+        is_near, is_set_back = metres <= SAME_M, step_s < -SET_BACK_S
+        if not is_set_back and (step_s <= GAP_S or not self._odometry.is_gap(step_s)):
+            if metres > self._longest_m and is_near:
+                self._longest_m = metres
+                self._speed = max(self._speed, metres / max(step_s, SHORTEST_STEP_S))
+            return is_near or track.reaches(odometry, FASTEST_M_S)
+        if _differs(track.pose, AWAY) and not _differs(odometry.pose, NEAR_ZERO):
+            return False
+        is_short = not is_set_back and step_s <= LONG_GAP_S
+        return is_near or (is_short and track.reaches(odometry, self._speed))
+
+    def _returns_to(self, left: _Track, odometry: Odometry, track: _Track) -> bool:
+        """Whether odometry goes on from the track before, after nonsense or interleaved."""
+        if abs(left.seconds_to(odometry)) <= RECENT_S:
+            return left.reaches(odometry, FASTEST_M_S)
+        return track.records < CONFIRMING_RECORDS and self._goes_on(left, odometry)
+
+    def _return(self, left: _Track, odometry: Odometry, part: int) -> None:
+        """Go back to the track before; often enough, and it is another drive."""
+        track = self._track
+        assert track is not None
+        left.extend(odometry, part)
+        self._track, self._left, self._suspicion = left, track, None
+        self._returns += left.start.distance(left.pose) > SAME_M < track.start.distance(track.pose)
+        if self._returns == INTERLEAVED_RETURNS:
+            what = "odometry goes back and forth between two places, on from each of them"
+            parts = track.part, part
+            self.breaks.append(Break(what, track.stamp_ns, odometry.stamp_ns, parts, mixed=True))
+
+    def _leave(self, track: _Track, odometry: Odometry, part: int) -> None:
+        """Begin a new track, and note what speaks for another recording."""
+        self._track, self._left = _Track.of(odometry, part), track
+        self._returns = self._scans_since = 0
+        step_s, is_other_file = track.seconds_to(odometry), part != track.part
+        is_set_back, is_gap = step_s < -SET_BACK_S, self._odometry.is_gap(step_s)
+        if not (is_set_back or is_gap or is_other_file):
+            self._suspicion = None
+            return
+        what = "odometry starts again" + (
+            f", {duration(-step_s)} before the time it had reached"
+            if is_set_back
+            else f" after nothing was recorded for {duration(step_s)}"
+            if is_gap
+            else ""
+        )
+        if _differs(odometry.pose, NEAR_ZERO):
+            what += f", {track.pose.distance(odometry.pose):,.1f} m from where it was"
+        parts = track.part, part
+        found = Break(what, track.stamp_ns, odometry.stamp_ns, parts, mixed=is_set_back)
+        self._suspicion = _Suspicion(found, is_gap and not is_other_file)
+
+    def _decide(self, suspicion: _Suspicion) -> None:
+        if not suspicion.needs_silence or self._scans.is_gap(self._scan_step_s):
+            self.breaks.append(suspicion.found)
+        self._suspicion = None
+
+
+def _differs(pose: Pose2D, limits: tuple[float, float]) -> bool:
+    """Whether a pose is farther from zero than so many metres or radians."""
+    metres, radians = limits
+    return math.hypot(pose.x, pose.y) > metres or abs(wrap_angle(pose.theta)) > radians
+
+
+def duration(seconds: float) -> str:
+    """For a person."""
+    if seconds >= 5400:
+        return f"{seconds / 3600:,.1f} h"
+    return f"{seconds / 60:.0f} min" if seconds >= 120 else f"{seconds:.1f} s"
