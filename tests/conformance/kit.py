@@ -27,6 +27,13 @@ HANG_S, MEMORY_BYTES = 20, 1 << 30
 """What no command on a file of a few kilobytes may take: seconds, and address space more than
 before."""
 
+ODD_NAMES = {
+    "control characters": "a\x1b]52;c;eA==\x07\n\x9b",
+    "no UTF-8": os.fsdecode(b"n\xff\xfe"),
+    "spaces and other letters": "a - b 地図 ü⊙",
+}
+"""Letters of files that programs trip over."""
+
 COPIED = {
     "room.txt": "corner.txt", "world.yaml": "corridor.yaml", "path.txt": "corridor-path.txt",
     "lawn.yaml": "lawn.yaml", "points.yaml": "landmarks-map.yaml",

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from conformance.examples import Example, Slot, all_examples
-from conformance.kit import Ran, Sandbox
+from conformance.kit import ODD_NAMES, Ran, Sandbox
 
 from mapcli.errors import printable
 
@@ -130,13 +130,6 @@ def test_a_link_is_read_as_its_file(
     ran = sandbox.run(*example.arguments())
     ran.is_fine()
     assert (ran.out, ran.files) == (wanted.out, wanted.files)
-
-
-ODD_NAMES = {
-    "control characters": "a\x1b]52;c;eA==\x07\n\x9b",
-    "no UTF-8": os.fsdecode(b"n\xff\xfe"),
-    "spaces and other letters": "a - b 地図 ü⊙",
-}
 
 
 @pytest.mark.parametrize("kind", ODD_NAMES)

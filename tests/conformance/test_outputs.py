@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from conformance.examples import IN_PLACE, Example, Slot, all_examples
-from conformance.kit import Ran, Sandbox
+from conformance.kit import ODD_NAMES, Ran, Sandbox
 
 Usual = Callable[[Example], Ran]
 
@@ -247,6 +247,24 @@ def test_a_long_name(
     else:
         ran.is_fine()
         assert len(ran.files) == len(made)
+
+
+@pytest.mark.parametrize("kind", ["control characters", "no UTF-8"])
+@pytest.mark.parametrize(("example", "slot"), [*OUTPUTS, *FOLDERS])
+def test_an_odd_name(
+    example: Example, slot: Slot, kind: str, sandbox: Sandbox, usual: Usual
+) -> None:
+    made = usual(example).files
+    name = ODD_NAMES[kind] + Path(slot.name).suffix
+    ran = sandbox.run(*example.arguments({slot: name}), "-v")
+    image = slot.name.replace(".yaml", ".pgm")
+    if kind == "no UTF-8" and image != slot.name and image in made:
+        ran.is_one_error(name)  # YAML cannot hold the name of its image
+        return
+    ran.is_fine()
+    ran.is_no_fault()
+    assert b"\x1b" not in ran.out
+    assert len(ran.files) == len(made)
 
 
 def spellings(file: str, suffix: str) -> Iterator[str]:
