@@ -3,9 +3,7 @@
 What the format leaves open is decided as follows:
 
 - FLASER tells no maximum range: readings of 80 m and more are no return (SICK's error codes in
-  centimetres start at 8183). Where the first 500 scans hold hardly any of these, the largest
-  other reading means no return if it occurs 20 times or more, more often than all readings within
-  10 % below it, and more often than they.
+  centimetres start at 8183), and whatever else `no_return` finds out.
   ROBOTLASER1 tells the maximum; readings that reach it are no return.
 - A scan's own odometry is yielded right before it with the same stamp, besides the ODOM lines.
 - The laser's pose on the robot follows from the two poses of each scan, if they differ by the same
@@ -18,9 +16,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from heapq import merge
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mapcli.errors import FormatError
 from mapcli.formats.logs.blocks import read_lines
 from mapcli.formats.logs.carmen_lines import PARSERS, LaserMessage, message_name
@@ -32,14 +27,12 @@ from mapcli.model.pose import Pose2D, rounded_angle, wrap_angle
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record
 
 SICK_NO_RETURN_M = 80.0
-SURVEYED_SCANS = 500
-REPEATED_MAXIMUM = 20
 MOUNT_SCANS = 50
 MOUNT_TOLERANCE_M, MOUNT_TOLERANCE_RAD = 0.002, math.radians(0.1)
 
 
 class _Survey:
-    """The first pass over a log: counts of messages, and ranges and mounts of the first scans.
+    """The first pass over a log: counts of messages, and mounts of the first scans.
 
     Attributes:
         counts: messages by name, whether they are well formed or not.
@@ -49,36 +42,22 @@ class _Survey:
     def __init__(self) -> None:
         self.counts: dict[str, int] = {}
         self.offsets: dict[str, list[Pose2D]] = {}
-        self._ranges: dict[str, list[NDArray[np.float32]]] = {}
+        self._looked_at: dict[str, int] = {}
 
     def wants(self, name: str) -> bool:
         """Whether the next message of this name is to be parsed."""
-        return len(self._ranges.get(name, ())) < SURVEYED_SCANS
+        return self._looked_at.get(name, 0) <= MOUNT_SCANS
 
     def add(self, name: str, message: LaserMessage | Odometry) -> None:
-        offsets, ranges = self.offsets.setdefault(name, []), self._ranges.setdefault(name, [])
+        self._looked_at[name] = self._looked_at.get(name, 0) + 1
         if isinstance(message, LaserMessage):
-            offsets.append(message.robot.between(message.laser))
-            ranges.append(message.ranges)
-        else:
-            ranges.append(np.empty(0, dtype=np.float32))
-
-    def repeated_maximum(self, name: str) -> float | None:
-        """The largest reading, metres, if it repeats so often that it means no return; or None."""
-        ranges = np.concatenate([np.empty(0, dtype=np.float32), *self._ranges.get(name, ())])
-        codes = np.count_nonzero(ranges >= SICK_NO_RETURN_M)
-        largest = ranges[ranges < SICK_NO_RETURN_M].max(initial=0.0)
-        times = np.count_nonzero(ranges == largest)
-        near = np.count_nonzero((ranges >= 0.9 * largest) & (ranges < largest))
-        # A stray reading or two beyond the laser's range are no error codes.
-        if codes >= REPEATED_MAXIMUM or times < REPEATED_MAXIMUM or times <= max(near, codes):
-            return None
-        return float(largest)
+            offset = message.robot.between(message.laser)
+            self.offsets.setdefault(name, []).append(offset)
 
     def mount(self, name: str) -> Mount | None:
         """The laser's pose on the robot; None if the first scans do not agree about it."""
         first, *others = self.offsets.get(name) or [Pose2D()]
-        for other in others[:MOUNT_SCANS]:
+        for other in others:
             turn = abs(wrap_angle(other.theta - first.theta))
             if first.distance(other) > MOUNT_TOLERANCE_M or turn > MOUNT_TOLERANCE_RAD:
                 return None
@@ -174,9 +153,9 @@ class CarmenLog(Log):
     def _records(self) -> Iterator[Record]:
         scan_name = self.require_scan_topic().name
         own_odometry = self.options.odom_topic in (None, scan_name)
-        mount, limit = self._mount(scan_name), self._limit(scan_name)
+        mount = self._mount(scan_name)
         parts = [
-            ((record, number) for record in self._part(source, own_odometry, mount, limit))
+            ((record, number) for record in self._part(source, own_odometry, mount))
             for number, source in enumerate(self.sources)
         ]
         for record, part in merge(*parts, key=lambda item: item[0].stamp_ns):
@@ -188,9 +167,7 @@ class CarmenLog(Log):
         scan_name = self.require_scan_topic().name
         return {scan_name, "ODOM"} if self.options.odom_topic != scan_name else {scan_name}
 
-    def _part(
-        self, source: Source, own_odometry: bool, mount: Mount, limit: float
-    ) -> Iterator[Record]:
+    def _part(self, source: Source, own_odometry: bool, mount: Mount) -> Iterator[Record]:
         for number, message in self._messages(source, self._wanted()):
             if isinstance(message, Odometry):
                 yield message
@@ -198,14 +175,14 @@ class CarmenLog(Log):
                 if own_odometry:
                     yield Odometry(message.stamp_ns, message.robot)
                 if len(message.ranges):
-                    yield self._scan(message, mount, limit)
+                    yield self._scan(message, mount)
                 else:
                     where = f"line {number}"
                     what = "scans without beams, skipped"
                     self.damage.add(what, loss=Loss.SCAN, file=source.name, where=where)
 
-    def _scan(self, message: LaserMessage, mount: Mount, limit: float) -> RangeScan:
-        limit = single(_no_return(message.max_range, limit))
+    def _scan(self, message: LaserMessage, mount: Mount) -> RangeScan:
+        limit = single(_no_return(message.max_range))
         return RangeScan(
             message.stamp_ns,
             single(message.angle_min),
@@ -261,19 +238,9 @@ class CarmenLog(Log):
             self.note(describe_mount(scan_name, mount))
         return mount or Mount()
 
-    def _limit(self, scan_name: str) -> float:
-        limit = self._survey.repeated_maximum(scan_name)
-        if limit is not None:
-            self.note(f"{scan_name}: the largest reading, {limit:.2f} m, is taken for no return")
-        return limit or math.inf
 
-
-def _no_return(declared: float, repeated: float) -> float:
-    """The reading from which a beam counts as no return, metres.
-
-    Args:
-        declared: the laser's maximum as the message has it; 0 where it does not.
-        repeated: the log's repeated maximum, infinite where there is none.
-    """
+def _no_return(declared: float) -> float:
+    """The reading from which a beam counts as no return, metres; `declared` is the laser's maximum
+    as the message has it, 0 where it does not."""
     sick = not declared > 0 or SICK_NO_RETURN_M <= declared < SICK_NO_RETURN_M + 2
-    return min(SICK_NO_RETURN_M if sick else declared, repeated)
+    return SICK_NO_RETURN_M if sick else declared

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.logs.continuity import Break, Continuity
+from mapcli.formats.logs.no_return import NoReturnFilter
 from mapcli.formats.logs.one_recording import Part, Spans, refuse_breaks, refuse_overlap
 from mapcli.formats.logs.topics import choose_odom_topic, choose_scan_topic
 from mapcli.model.counting import counted
@@ -186,10 +187,10 @@ class Log(ABC):
         if len(self.sources) > 1 and not self.options.one_recording:
             parts = zip(self.sources, self._part_spans(), strict=True)
             refuse_overlap([Part(source.name, source.path, spans) for source, spans in parts])
-        scans, self._start_ns = 0, -1
+        scans, self._start_ns, codes = 0, -1, NoReturnFilter()
         watched = self._continuity.watched(self._records(), lambda: self.part)
         try:
-            for record in self._in_stamp_order(watched):
+            for record in codes.records(self._in_stamp_order(watched), self.beams):
                 if self._start_ns < 0:
                     self._start_ns = record.stamp_ns
                 scans += isinstance(record, RangeScan)
@@ -197,6 +198,9 @@ class Log(ABC):
                 yield record
         except OSError as error:
             raise FormatError(str(error.strerror or error).lower(), file=self.name) from error
+        finally:
+            for line in codes.lines():
+                self.note(f"{self.scan_topic}: {line}")
         if not scans:
             reasons = f" ({'; '.join(self.damage.lines())})" if self.damage.counts else ""
             raise FormatError(f"not one scan can be read{reasons}", file=self.sources[0].name)

@@ -113,21 +113,6 @@ def test_ranges_follow_rep117(tmp_path: Path) -> None:
     assert (log.beams.total, log.beams.invalid, log.beams.no_return) == (6, 3, 2)
 
 
-def test_a_repeated_maximum_means_no_return(tmp_path: Path) -> None:
-    lines = [flaser(2.0 + i / 100, 50.0, 49.0 if i == 3 else 10.0, t=i) for i in range(1, 25)]
-    records, log = read(write(tmp_path, *lines))
-    assert all(np.isposinf(scan.ranges[1]) for scan in scans_of(records))
-    assert scans_of(records)[0].range_max == 50.0
-    assert log.notes == ["FLASER: the largest reading, 50.00 m, is taken for no return"]
-
-
-def test_a_far_wall_is_no_repeated_maximum(tmp_path: Path) -> None:
-    lines = [flaser(50.0, 49.9, 49.8, t=i) for i in range(1, 25)]
-    records, log = read(write(tmp_path, *lines))
-    assert np.isfinite(scans_of(records)[0].ranges).all()
-    assert log.notes == []
-
-
 def test_the_mount_is_the_constant_difference_of_the_poses(tmp_path: Path) -> None:
     # Laser 0.2 m ahead of a robot at (1, 0) that looks up, then left.
     lines = [
