@@ -133,9 +133,9 @@ def _beside(target: str, name: str) -> str:
 
 def _trace_json(
     file: str, replayed: Replayed, head: Mapping[str, Any], digests: Mapping[str, str]
-) -> bytes:
+) -> Pieces:
     """The trace as JSON, with the digests of the files in its folder."""
-    from mapcli.formats.documents.json_document import json_bytes
+    from mapcli.formats.documents.json_document import json_pieces
     from mapcli.formats.documents.pose_trace import trace_document
 
     folder = Path(file).absolute().parent
@@ -145,7 +145,7 @@ def _trace_json(
         if name != "-" and Path(name).absolute().parent == folder
     }
     summary = replayed.summary.document()
-    return json_bytes(
+    return json_pieces(
         trace_document(replayed.trace, head["inputs"], head["parameters"], summary, siblings)
     )
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam.motion_model import MotionModel
+from mapcli.algorithms.slam.scan_store import ScanStore
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import (
     Covariance,
@@ -63,7 +64,7 @@ class TrackedTrajectory:
     """
 
     poses: list[Pose2D] = field(default_factory=list)
-    points: list[NDArray[np.float32]] = field(default_factory=list)
+    points: ScanStore = field(default_factory=ScanStore)
     keyframes: list[Keyframe] = field(default_factory=list)
 
     def add(self, pose: Pose2D, points: NDArray[np.float64]) -> None:

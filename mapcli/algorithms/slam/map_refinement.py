@@ -22,6 +22,9 @@ STILL_M = 0.005
 """Metres; keyframes that move less on average have found their places, and another round would
 change nothing that can be seen on a map of 5 cm."""
 
+SCANS_IN_MEMORY = 4096
+"""Scans that are fitted at a time, on all processors."""
+
 
 @dataclass(frozen=True)
 class RefineParameters:
@@ -77,12 +80,14 @@ def refit(
     parameters: RefineParameters,
 ) -> list[Pose2D]:
     """Poses of these scans fitted to surfels, unless these say too little or lead astray."""
-    starts = [poses[scan] for scan in scans]
     refitted = []
-    fits = surfels.fit_each([trajectory.points[scan] for scan in scans], starts)
-    for start, (pose, matched) in zip(starts, fits, strict=True):
-        near = start.distance(pose) <= parameters.farthest_m
-        refitted.append(pose if near and matched >= parameters.fewest else start)
+    for first in range(0, len(scans), SCANS_IN_MEMORY):
+        some = scans[first : first + SCANS_IN_MEMORY]
+        starts = [poses[scan] for scan in some]
+        fits = surfels.fit_each([trajectory.points[scan] for scan in some], starts)
+        for start, (pose, matched) in zip(starts, fits, strict=True):
+            near = start.distance(pose) <= parameters.farthest_m
+            refitted.append(pose if near and matched >= parameters.fewest else start)
     return refitted
 
 

@@ -7,11 +7,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import islice
 from typing import Any
 
 from mapcli.errors import FormatError
 from mapcli.version import __version__
+
+LINES_AT_ONCE = 1000
+"""Objects that are made to text together."""
 
 
 def document(
@@ -43,8 +47,17 @@ def json_bytes(content: Any) -> bytes:
     the shortest that read back as the same float64."""
     if not isinstance(content, dict):
         return utf8(f"{_indented(content)}\n")
-    items = [f" {_dumps(key)}: {_value(value)}" for key, value in content.items()]
-    return utf8("{\n" + ",\n".join(items) + "\n}\n")
+    return b"".join(json_pieces(content))
+
+
+def json_pieces(content: Mapping[str, Any]) -> Iterator[bytes]:
+    """The same of an object in pieces. Values may be iterators of objects, so that a long list of
+    them is never in memory."""
+    yield b"{\n"
+    for k, (key, value) in enumerate(content.items()):
+        yield utf8(f",\n {_dumps(key)}: " if k else f" {_dumps(key)}: ")
+        yield from map(utf8, _value(value))
+    yield b"\n}\n"
 
 
 def utf8(json_text: str) -> bytes:
@@ -53,11 +66,17 @@ def utf8(json_text: str) -> bytes:
     return json_text.encode(errors="backslashreplace")
 
 
-def _value(value: Any) -> str:
+def _value(value: Any) -> Iterator[str]:
     """A list of objects or rows, such as poses, with a line for each; anything else indented."""
-    if value and isinstance(value, list) and all(isinstance(item, dict | list) for item in value):
-        return "[\n" + ",\n".join(f"  {_dumps(item)}" for item in value) + "\n ]"
-    return _indented(value).replace("\n", "\n ")
+    is_rows = isinstance(value, list) and all(isinstance(item, dict | list) for item in value)
+    if not isinstance(value, Iterator) and not (is_rows and value):
+        yield _indented(value).replace("\n", "\n ")
+        return
+    rows, between = iter(value), "[\n"
+    while lines := [f"  {_dumps(item)}" for item in islice(rows, LINES_AT_ONCE)]:
+        yield between + ",\n".join(lines)
+        between = ",\n"
+    yield "[]" if between == "[\n" else "\n ]"
 
 
 _dumps = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode

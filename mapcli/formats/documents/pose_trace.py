@@ -146,6 +146,8 @@ def trace_document(
 
     `siblings` are the files that were written with it into its folder, name -> SHA-256.
 
+    Its poses are an iterator, for `json_pieces`: there may be hundreds of thousands.
+
     Lengths and angles have six decimals, scores four: micrometres are finer than any laser, and
     such numbers are the same on every machine.
     """
@@ -163,7 +165,7 @@ def trace_document(
         "summary": summary,
         "files": files,
         "loops": loops,
-        "poses": [_row(p) for p in trace.poses],
+        "poses": map(_row, trace.poses),
     }
     return document(POSE_TRACE, inputs, parameters, content)
 

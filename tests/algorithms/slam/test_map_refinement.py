@@ -8,6 +8,7 @@ import numpy as np
 from support.looping import MAP, ring_trajectory
 
 from mapcli.algorithms.slam.map_refinement import RefineParameters, refine
+from mapcli.algorithms.slam.scan_store import ScanStore
 from mapcli.model.pose import Pose2D
 
 
@@ -45,8 +46,10 @@ def test_scans_that_are_no_keyframes_are_refined_too() -> None:
 
 def test_a_scan_with_few_points_stays_where_it_is() -> None:
     whole, true = ring_trajectory(0.0)
-    trajectory = replace(whole, points=list(whole.points))
-    trajectory.points[60] = trajectory.points[60][:4]
+    points = ScanStore()
+    for k, scan in enumerate(whole.points):
+        points.append(scan[:4] if k == 60 else scan)
+    trajectory = replace(whole, points=points)
     off = [pose.compose(Pose2D(0.02)) if k == 60 else pose for k, pose in enumerate(true)]
     refined = refine(trajectory, off, MAP.resolution, RefineParameters(fewest=5))
     assert refined[60] == off[60]
