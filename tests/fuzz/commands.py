@@ -109,7 +109,8 @@ COMMANDS = (
     Reader("perceive", ".yaml", WORLDS, text_grammars.world,
            command("perceive IN --pose 1,1,0 OUT/seen.yaml")),
     Reader("simulate", ".txt", PATHS, text_grammars.waypoints,
-           command("simulate BESIDE/corridor.yaml --path IN OUT/log.mcap")),
+           command("simulate --odom-rate 0.001 --scan-rate 0.001 BESIDE/corridor.yaml --path IN "
+                   "OUT/log.mcap")),
     Reader("evaluate", ".tum", TRAJECTORIES + TRACES, text_grammars.trajectory,
            command("evaluate IN IN")),
     Reader("rectify", ".json", TRACES, text_grammars.trace, command("rectify IN OUT/trace.json")),

@@ -187,8 +187,12 @@ def check_clearance(world: World | GridMap, drive: Drive, radius: float = ROBOT_
     start = drive.pose_at(0.0)
     if is_inside(world, start.x, start.y):
         raise DataError(f"waypoint 1 ({start.x:g}, {start.y:g}) lies in an obstacle")
-    edges = edges_of(world)
-    for times in _in_blocks(drive, radius / 2):
+    edges, apart = edges_of(world), max(radius / 2, 0.001)
+    for times in _in_blocks(drive, apart):
+        # Far from all obstacles, one pose speaks for its block.
+        first, reach = drive.pose_at(times[0]), radius + BLOCK * apart
+        if clearance(edges, np.array([(first.x, first.y)]), reach)[0] == np.inf:
+            continue
         poses = [drive.pose_at(time) for time in times]
         gaps = clearance(edges, np.array([(pose.x, pose.y) for pose in poses]), radius)
         hit = int(np.argmax(gaps < radius))
@@ -201,12 +205,15 @@ def check_clearance(world: World | GridMap, drive: Drive, radius: float = ROBOT_
             )
 
 
-def _in_blocks(drive: Drive, metres: float, size: int = 64) -> Iterator[NDArray[np.float64]]:
-    """Times at most so many metres of driving apart, in blocks that are close together."""
-    speed = max(profile.peak for profile in drive.profiles)
-    step = max(metres, 0.001) / speed
-    for first in range(0, math.ceil(drive.duration / step) + 1, size):
-        yield np.minimum(np.arange(first, first + size) * step, drive.duration)
+BLOCK = 64
+"""Poses that are checked for collisions at a time."""
+
+
+def _in_blocks(drive: Drive, metres: float) -> Iterator[NDArray[np.float64]]:
+    """Times at most so many metres of driving apart, in blocks of `BLOCK`."""
+    step = metres / max(profile.peak for profile in drive.profiles)
+    for first in range(0, math.ceil(drive.duration / step) + 1, BLOCK):
+        yield np.minimum(np.arange(first, first + BLOCK) * step, drive.duration)
 
 
 def _stamp(time: float) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -232,6 +233,17 @@ def test_a_drive_through_a_wall_names_the_waypoint() -> None:
     through = plan_drive([Waypoint(1, 1), Waypoint(3, 1), Waypoint(3, 5.5)])
     with pytest.raises(DataError, match="on the way to waypoint 3, the robot is"):
         check_clearance(ROOM, through)
+
+
+def test_a_collision_after_a_long_way() -> None:
+    """Within a radius of the wall, at x = 6; 300 km are checked within seconds."""
+    start = time.process_time()
+    drive = plan_drive([Waypoint(3e5, 1), Waypoint(1, 1)])
+    with pytest.raises(
+        DataError, match=r"at \(6\.(0[89]|1[0-5]), 1\.00\), on the way to waypoint 2"
+    ):
+        check_clearance(ROOM, drive)
+    assert time.process_time() - start < 10
 
 
 def test_a_start_in_an_obstacle() -> None:
