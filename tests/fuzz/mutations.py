@@ -56,6 +56,19 @@ def mutate(data: bytes, random: Random, others: Sequence[bytes] = ()) -> bytes:
     return data
 
 
+def swollen(data: bytes, random: Random, size: int) -> bytes:
+    """The bytes with a part, a line or a few bytes, repeated until there are `size`."""
+    ends = [match.end() for match in re.finditer(rb"\n", data)]
+    if len(ends) > 1 and random.random() < 0.5:
+        k = random.randrange(len(ends) - 1)
+        start, end = ends[k], ends[k + 1]
+    else:
+        start = random.randrange(max(len(data), 1))
+        end = min(start + random.choice((1, 2, 4, 8, 16, 32, 64, 128)), len(data))
+    part = data[start:end] or b"\n"
+    return data[:end] + part * ((size - len(data)) // len(part)) + data[end:]
+
+
 def _bit(data: bytes, random: Random) -> bytes:
     if not data:
         return data

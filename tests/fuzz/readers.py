@@ -15,7 +15,7 @@ import numpy as np
 from conftest import FIXTURES
 from fuzz import binary_grammars, text_grammars
 from fuzz.bounds import Read
-from fuzz.mutations import mutate
+from fuzz.mutations import mutate, swollen
 from mcap.writer import CompressionType
 from PIL import Image
 from support.mcap_making import Sent, mcap_bytes, odom, scan, tf, tf_static, transform
@@ -58,6 +58,10 @@ class Reader:
     def mutated(self, random: Random) -> bytes:
         """A valid file, damaged."""
         return mutate(random.choice(self.seeds), random, self.seeds)
+
+    def swollen(self, random: Random, size: int) -> bytes:
+        """A valid file with a part of it repeated until it has `size` bytes."""
+        return swollen(random.choice(self.seeds), random, size)
 
     def warm_up(self, path: Path) -> None:
         """Read the seeds, so that what is imported and compiled on first use is at hand."""

@@ -25,6 +25,10 @@ EXAMPLES, OF_COMMANDS = 400, 60
 """Inputs of each reader and command by either generator: together two minutes on one core."""
 
 
+LARGE, LARGE_BYTES = 8, 300_000
+"""Files of each reader that are large, and how large they are."""
+
+
 def fuzzing(examples: int) -> settings:
     """The same inputs in every run."""
     return settings(
@@ -58,6 +62,17 @@ def test_bounds(reader: Reader, make: Callable[[Reader, Random], bytes], folder:
             bounded(reader.read, path)
 
         within_bounds()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reader", READERS, ids=lambda reader: reader.name)
+def test_bounds_of_large_files(reader: Reader, folder: Path) -> None:
+    path = folder / f"in{reader.suffix}"
+    reader.warm_up(path)
+    with watched(folder.parent / "stderr") as bounded:
+        for seed in range(LARGE):
+            path.write_bytes(reader.swollen(Random(seed), LARGE_BYTES))
+            bounded(reader.read, path)
 
 
 @pytest.mark.parametrize("reader", [*READERS, *COMMANDS], ids=lambda reader: reader.name)
