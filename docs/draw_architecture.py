@@ -27,6 +27,7 @@ SHARED_BY_ALL = (
     "errors",
     "startup",
     "notices",
+    "memory",
     "version",
     "cli",
     "__main__",

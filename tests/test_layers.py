@@ -13,11 +13,12 @@ PACKAGE = Path(__file__).parent.parent / "mapcli"
 
 RULES = """
 errors ->
+memory -> errors
 notices ->
 startup ->
 version ->
 model -> errors
-algorithms -> startup notices
+algorithms -> startup notices memory
 algorithms.scans -> model
 algorithms.similarity -> algorithms.scans
 algorithms.slam -> algorithms.similarity
@@ -25,7 +26,7 @@ algorithms.evaluation -> algorithms.slam
 algorithms.maps -> model
 algorithms.simulation -> algorithms.scans algorithms.maps
 algorithms.exploration -> algorithms.maps
-formats -> model version
+formats -> model version memory
 formats.maps -> formats
 formats.logs -> formats
 formats.documents -> formats.maps formats.logs
@@ -35,7 +36,7 @@ cli ->
 """
 """Room -> the rooms that it may import from; what these may import, it may too."""
 
-ALL_ALGORITHMS = "algorithms", "startup", "notices", "model"
+ALL_ALGORITHMS = "algorithms", "startup", "notices", "memory", "model"
 """Every room of `algorithms` may import how loops are compiled, and records."""
 
 HEAVY = {"numba", "scipy", "gtsam", "shapely", "rosbags", "mcap", "PIL", "yaml", "numpy"}

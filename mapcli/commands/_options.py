@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import click
 
-from mapcli import notices
+from mapcli import memory, notices
 from mapcli.commands._say import note_meanwhile
 from mapcli.formats.input import pipes_kept
 from mapcli.model.pose import FARTHEST_M, Pose2D
@@ -88,6 +89,24 @@ class PoseType(NumberList):
 POSE = PoseType()
 
 
+class SizeType(click.ParamType[int]):
+    """`500M`, `2G`, `1.5G`: bytes, in powers of a thousand."""
+
+    name = "SIZE"
+    factors: ClassVar = {"": 1, "K": 1e3, "M": 1e6, "G": 1e9, "T": 1e12}
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        match = re.fullmatch(r"(\d+(?:\.\d*)?) ?([KMGT]?)B?", str(value), re.IGNORECASE | re.ASCII)
+        size = float(match[1]) * self.factors[match[2].upper()] if match else 0.0
+        if not 0 < size < 1e18:
+            self.fail(f"{value!r} is no size such as 500M or 2G.", param, ctx)
+        return int(size)
+
+
+def _limit_memory(ctx: click.Context, parameter: click.Parameter, size: int | None) -> None:
+    memory.limit_to(size)
+
+
 def _prepare(ctx: click.Context, parameter: click.Parameter, quiet: bool) -> bool:
     """Tell on stderr what algorithms have to say, unless -q. Read pipes as files."""
     ctx.with_resource(pipes_kept())
@@ -100,8 +119,16 @@ def _prepare(ctx: click.Context, parameter: click.Parameter, quiet: bool) -> boo
 
 
 def common_options(command: Command) -> Command:
-    """`-q`, `-v` and `--debug`, which every command has."""
+    """`-q`, `-v`, `--debug` and `--max-memory`, which every command has."""
     for option in (
+        click.option(
+            "--max-memory",
+            type=SizeType(),
+            expose_value=False,
+            callback=_limit_memory,
+            help="Refuse what would take more memory, such as 2G.  [default: half of what the "
+            "machine or its control group allows]",
+        ),
         click.option(
             "--debug", is_flag=True, expose_value=False, help="Show the traceback of an error."
         ),

@@ -35,11 +35,15 @@ from mapcli.algorithms.exploration.trace_columns import (
     Trace,
     keeps_cells,
 )
+from mapcli.memory import require
 from mapcli.model.exploration import StepColumns
 from mapcli.model.grid import PROBABILITIES, GridMap, bands
 
 STEP_COLUMNS = Trace._fields[: Trace._fields.index("paths")]
 
+
+KEPT_CELL_BYTES = 40
+"""Of a cell that some step sensed: in the loops' columns, sorted, and as rows and columns."""
 
 STRAIGHT = ((-1, 0), (0, -1), (0, 1), (1, 0))
 DIAGONAL = ((-1, -1), (-1, 1), (1, -1), (1, 1))
@@ -75,6 +79,23 @@ def make_state(
         moves=np.array([r * (columns + 2) + c for r, c in moves], np.int64),
         counts=np.zeros(4, np.int64),
     )
+
+
+def require_memory(
+    world: GridMap, parameters: ExplorationParameters, *, robots: int, keep_cells: bool
+) -> None:
+    """Refuse to explore a map that would take more memory than a run may.
+
+    Raises:
+        MemoryLimitError: it would.
+    """
+    cell = 2 + 4 + 2  # what is known, the path search, the result
+    cell += 8 if parameters.robot_radius else 0  # inflation, viewpoints
+    cell += 8 if robots > 1 else 0  # the partition
+    size = cell * world.rows * world.columns
+    if keep_cells:
+        size += KEPT_CELL_BYTES * world.count(lambda cells: ~np.isnan(cells))
+    require(size, f"exploring a map of {world.columns:,} x {world.rows:,} cells")
 
 
 def kinds_of(grid: GridMap, low: float, unknown: int) -> NDArray[np.uint8]:

@@ -36,6 +36,7 @@ from mapcli.algorithms.exploration.loop_arrays import (
     make_trace,
     noted_cells,
     read_steps,
+    require_memory,
     with_room,
 )
 from mapcli.algorithms.exploration.viewpoints import make_viewpoints
@@ -90,6 +91,7 @@ class ExplorationRun:
     ) -> None:
         self.world, self.parameters, self.starts = world, parameters, tuple(robots)
         self.compiled = is_large(world, parameters) if compiled is None else compiled
+        require_memory(world, parameters, robots=len(robots), keep_cells=keep_cells)
         self.before = known or all_unknown(world)
         self.state = self.views(make_state(world, known, parameters))
         cells = [self.index(cell) for cell in robots]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.maps.polygons import Area, solid_area
 from mapcli.errors import DataError
+from mapcli.memory import require
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 from mapcli.model.world import World
@@ -47,6 +48,7 @@ def empty_map(box: Box, resolution: float, *, from_top: bool = False) -> GridMap
             expected=f"at most {MOST_CELLS:,}; larger cells or a smaller box",
         )
     columns, rows = (max(math.ceil(side - NOISE), 1) for side in (width, height))
+    require(20 * rows * columns, f"a map of {columns:,} x {rows:,} cells")
     bottom = y1 - rows * resolution if from_top else y0
     cells = np.full((rows, columns), np.nan, dtype=np.float32)
     return GridMap(cells, resolution, Pose2D(round(x0, 9), round(bottom, 9)))

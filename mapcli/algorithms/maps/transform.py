@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.maps.wall_direction import wall_direction
 from mapcli.errors import DataError
+from mapcli.memory import require
 from mapcli.model.grid import UNKNOWN_PERCENT, GridMap, bands
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import Pose2D, wrap_angle
@@ -288,3 +289,4 @@ def _refuse_size(rows: int, columns: int) -> None:
             f"the result would have {rows:,} rows and {columns:,} columns",
             expected=f"1 to {MAX_CELLS:,} cells",
         )
+    require(3 * rows * columns, f"a map of {columns:,} x {rows:,} cells")

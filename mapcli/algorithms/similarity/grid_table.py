@@ -31,10 +31,14 @@ from mapcli.algorithms.similarity.ternary_map import (
     ternary_cells,
 )
 from mapcli.errors import DataError
+from mapcli.memory import require
 from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap
 from mapcli.model.perception import GridPerceptions, ScanPerception
 from mapcli.model.pose import Pose2D
 from mapcli.model.similarity import SimilarityTable
+
+CANDIDATE_BYTES = 120
+"""Of a candidate pose: four counts, its score, overlap and place, and what these are made of."""
 
 COMPILED_FROM = 1_000_000
 """Poses times beams from which on compiled loops are worth the second that loading them takes."""
@@ -83,6 +87,8 @@ def scan_pair_counts(
     Returns:
         shape (turns, k, 2, 2), see `TernaryMap.pair_counts`.
     """
+    poses = len(turns) * len(offsets)
+    require(CANDIDATE_BYTES * poses, f"a table of {poses:,} candidate poses")
     result = np.zeros((len(turns), len(offsets), 2, 2), np.int64)
     whole = np.floor(offsets + 1e-9).astype(np.int64)
     parts, group = np.unique(np.round(offsets - whole, 9), axis=0, return_inverse=True)

@@ -38,6 +38,7 @@ from mapcli.algorithms.slam.log_odds import (
 from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.surfel_map import SurfelMap
 from mapcli.errors import DataError
+from mapcli.memory import require
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D, wrap_angle
 
@@ -46,6 +47,9 @@ BLOCK = 256
 
 MARGIN = 32
 """Cells around everything that is covered, for the Gaussians and the pyramid's coarsest level."""
+
+CELL_BYTES = 2 + len(LEVEL_WIDTHS)
+"""Of log-odds and likelihood fields; surfels take memory where there are walls only."""
 
 MAX_CELLS = 400_000_000
 """2 GB of map: 1 km x 1 km at 5 cm. Beyond that something is wrong with the log."""
@@ -163,6 +167,7 @@ class OccupancyGrid:
     def _move_to(self, u0: int, v0: int, columns: int, rows: int) -> None:
         if rows * columns > MAX_CELLS:
             raise map_too_large(np.array([columns, rows]) * self.parameters.resolution)
+        require(CELL_BYTES * rows * columns, f"a map of {columns:,} x {rows:,} cells")
         log_odds = np.zeros((rows, columns), dtype=np.int16)
         pyramid = np.zeros((len(LEVEL_WIDTHS), rows, columns), dtype=np.uint8)
         # Memory that is never touched costs nothing, so no more is copied than has been written.

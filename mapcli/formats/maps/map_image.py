@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.errors import DataError, FormatError
+from mapcli.memory import require
 from mapcli.model.grid import bands
 
 Mode = Literal["trinary", "scale", "raw"]
@@ -124,16 +125,24 @@ class GreyRule:
 
 
 def refuse_size(
-    rows: int, columns: int, file: str, *, limit: int = MAX_CELLS, held: int | None = None
+    rows: int,
+    columns: int,
+    file: str,
+    *,
+    pixel: int,
+    limit: int = MAX_CELLS,
+    held: int | None = None,
 ) -> None:
     """Refuse an image before memory is taken for it.
 
     Args:
+        pixel: bytes that each takes while it is read, the map's cell among them.
         limit: of pixels.
         held: pixels that the file can hold at most, by its length.
 
     Raises:
         FormatError: more pixels than either.
+        MemoryLimitError: more than a run may hold.
     """
     size = f"{columns} columns and {rows} rows"
     if rows * columns > limit:
@@ -141,6 +150,7 @@ def refuse_size(
     if held is not None and rows * columns > held:
         expected = f"at most {held:,} pixels in a file of this length; it is cut short or damaged"
         raise FormatError(f"claims {size}", file=file, expected=expected)
+    require(pixel * rows * columns, f"an image of {columns:,} x {rows:,} pixels", file=file)
 
 
 def trinary_greys(

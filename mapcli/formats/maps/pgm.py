@@ -82,7 +82,7 @@ def _header(data: bytes, file: str) -> tuple[int, int, int, int]:
         values.append(int(match[1]))
         end = match.end()
     columns, rows, maxval = values
-    refuse_size(rows, columns, file)
+    refuse_size(rows, columns, file, pixel=1 if data[:2] == b"P5" else 3)
     if not (0 < maxval < 65536 and columns and rows):
         raise FormatError(
             f"{columns} columns, {rows} rows, maxval {maxval}",

@@ -51,7 +51,7 @@ def read_png(data: bytes, file: str) -> MapImage:
         # Not Image.open: its guard against huge images is meant for web servers, and ours is above.
         image = PngImagePlugin.PngImageFile(io.BytesIO(data))
         if image.mode not in _ROOMY_MODES:
-            refuse_size(image.height, image.width, file, limit=MAX_CELLS // 2)
+            refuse_size(image.height, image.width, file, pixel=6, limit=MAX_CELLS // 2)
         image.load()
         note = str(image.text.get(NOTE_TITLE, ""))
     kind = f"PNG {_KINDS.get(image.mode, image.mode)}"
@@ -85,7 +85,7 @@ def _refuse_absurd(data: bytes, file: str) -> None:
     bits = columns * depth * _CHANNELS.get(colour, 1)
     unpacked = rows * ((bits + 7) // 8 + 1)
     share = min(len(data) * _DEFLATE_AT_MOST / unpacked, 1.0) if unpacked else 1.0
-    refuse_size(rows, columns, file, held=int(rows * columns * share))
+    refuse_size(rows, columns, file, pixel=2, held=int(rows * columns * share))
 
 
 def _pixels(part: Image.Image, image: Image.Image, clear: bool) -> GreyImage:

@@ -10,6 +10,7 @@ import lz4.frame
 import zstandard
 from mcap.opcode import Opcode
 
+from mapcli import memory
 from mapcli.formats.logs.mcap.container_records import (
     RECORD,
     ChunkHead,
@@ -108,7 +109,7 @@ def _whole_lz4(packed: bytes, limit: int) -> bytes:
 
 def _limit(packed: bytes) -> int:
     """Bytes that a chunk's content has at most."""
-    return min(MAX_UNPACKED_BYTES, max(LEAST_LIMIT_BYTES, MAX_RATIO * len(packed)))
+    return min(MAX_UNPACKED_BYTES, memory.limit(), max(LEAST_LIMIT_BYTES, MAX_RATIO * len(packed)))
 
 
 def _refuse_giants(size: int, limit: int) -> None:
