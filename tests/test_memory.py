@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
+from conftest import run
 
 from mapcli import memory
 from mapcli.algorithms.exploration.explore import explore
@@ -16,7 +17,6 @@ from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.cli import cli
 from mapcli.commands._options import SizeType
 from mapcli.model.grid import GridMap
-from tests.conftest import run
 
 
 @pytest.fixture(autouse=True)

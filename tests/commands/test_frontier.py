@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -259,3 +260,36 @@ def test_nothing_is_replaced_that_must_not_be(capsys: pytest.CaptureFixture[str]
         assert capsys.readouterr().err.startswith("Error: ")
         assert Path("world.txt").read_text() == "0 0\n"
         assert Path("t.json").read_text() == "precious"
+
+
+MEASURED = """
+import os, subprocess, sys
+process = subprocess.Popen([sys.executable, "-m", "mapcli", *sys.argv[1:]])
+_, status, used = os.wait4(process.pid, 0)
+print(os.waitstatus_to_exitcode(status), 1024 * used.ru_maxrss)
+"""
+
+
+def peak_bytes(*arguments: str) -> int:
+    """Of a command in a process of its own, which a small one starts: the memory of who starts a
+    process counts as its child's."""
+    command = [sys.executable, "-c", MEASURED, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    status, size = map(int, done.stdout.split())
+    assert status == 0
+    return size
+
+
+@pytest.mark.slow
+def test_a_large_map_takes_eight_bytes_a_cell(tmp_path: Path) -> None:
+    # 1 km x 1 km at 5 cm, 400 million cells, is to be explored within 3 GB.
+    peaks = []
+    for side in (400, 5000):
+        cells = np.full((side, side), 254, np.uint8)
+        cells[::100, 50:] = 0
+        (tmp_path / f"{side}.pgm").write_bytes(b"P5 %d %d 255\n" % (side, side) + cells.tobytes())
+        options = "--sensor-range", "300", "--max-steps", "5", "--png", str(tmp_path / "f.png")
+        peaks.append(
+            peak_bytes("frontier", str(tmp_path / f"{side}.pgm"), "--robot", "20,20", *options)
+        )
+    assert peaks[1] - peaks[0] < 8 * 5000**2
