@@ -288,7 +288,15 @@ def test_a_large_map_takes_eight_bytes_a_cell(tmp_path: Path) -> None:
         cells = np.full((side, side), 254, np.uint8)
         cells[::100, 50:] = 0
         (tmp_path / f"{side}.pgm").write_bytes(b"P5 %d %d 255\n" % (side, side) + cells.tobytes())
-        options = "--sensor-range", "300", "--max-steps", "5", "--png", str(tmp_path / "f.png")
+        options = (
+            "-q",
+            "--sensor-range",
+            "300",
+            "--max-steps",
+            "5",
+            "--png",
+            str(tmp_path / "f.png"),
+        )
         peaks.append(
             peak_bytes("frontier", str(tmp_path / f"{side}.pgm"), "--robot", "20,20", *options)
         )
