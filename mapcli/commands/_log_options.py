@@ -52,7 +52,7 @@ class LogInput:
 
     Attributes:
         options: topics, mount, clock and strictness.
-        start_s, end_s, every: see `model.log.select`.
+        start_s, end_s, every: see `model.selection.select`.
     """
 
     options: LogOptions = DEFAULTS
@@ -65,7 +65,7 @@ class LogInput:
         return open_log(paths, self.options)
 
     def records(self, log: Log) -> Iterator[Record]:
-        """The records asked for."""
+        """The records asked for; `log.damage` accounts for the scans among them."""
         return log.records(self.start_s, self.end_s, self.every)
 
     def parameters(self) -> dict[str, Any]:

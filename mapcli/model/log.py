@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
-from enum import Enum
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from mapcli.model.counting import counted
-from mapcli.model.scan import Mount, Odometry, RangeScan, Record
+from mapcli.model.scan import Mount, Record
 
 Role = Literal["scan", "odometry", "tf", "tf_static", "other"]
 
@@ -55,12 +53,44 @@ class LogOptions:
     one_recording: bool = False
 
 
-class Loss(Enum):
-    """What a piece of damage cost."""
+@dataclass(frozen=True, slots=True)
+class MissedScans:
+    """Scans of a log that cannot be used, in the place where they would be among its records.
 
-    SCAN = "a scan that was read and cannot be used"
-    LOST_SCAN = "a scan that was in the log and cannot be read"
-    OTHER = "anything else"
+    Attributes:
+        what: why not; a plural noun.
+        lost: to damage of the log. Otherwise they were read, and hold nothing of use.
+        count: how many.
+        first_ns, last_ns: stamps of the first and the last one; the others lie evenly between
+            them. None while they are not known.
+    """
+
+    what: str
+    lost: bool
+    count: int = 1
+    first_ns: int | None = None
+    last_ns: int | None = None
+
+    @property
+    def stamp_ns(self) -> int:
+        """Of the first one; its place among the records."""
+        assert self.first_ns is not None
+        return self.first_ns
+
+    def stamp_of(self, number: int) -> int:
+        """Stamp of one of them, nanoseconds; `number` counts from 0."""
+        assert self.first_ns is not None
+        assert self.last_ns is not None
+        return self.first_ns + (self.last_ns - self.first_ns) * number // max(self.count - 1, 1)
+
+    def part(self, start: int, stop: int) -> MissedScans:
+        """Those from a number to before another."""
+        first, last = self.stamp_of(start), self.stamp_of(max(stop - 1, start))
+        return replace(self, count=stop - start, first_ns=first, last_ns=last)
+
+
+Entry = Record | MissedScans
+"""What a log holds in one place."""
 
 
 @dataclass
@@ -71,43 +101,43 @@ class Damage:
     with the number: "scans with a stamp that jumps back".
 
     Attributes:
-        scans_read: good scans, of the whole log as far as it was read.
+        counts: what -> how often, in all of the log that was read.
+        first: what -> where for the first time.
+        missed: why -> scans that cannot be used, of those asked for; scans_lost: how many of them
+            were lost to damage.
+        scans_read: good scans, of those asked for.
     """
 
     counts: dict[str, int] = field(default_factory=dict)
     first: dict[str, str] = field(default_factory=dict)
-    losses: dict[str, Loss] = field(default_factory=dict)
+    missed: dict[str, int] = field(default_factory=dict)
+    scans_lost: int = 0
     scans_read: int = 0
 
     def add(
-        self, what: str, times: int = 1, *, loss: Loss = Loss.OTHER,
-        file: str | None = None, where: str | None = None,
-    ) -> None:  # fmt: skip
+        self, what: str, times: int = 1, *, file: str | None = None, where: str | None = None
+    ) -> None:
         """Count `what`; `where` in `file` is remembered for the first of a kind."""
         if times:
             self.counts[what] = self.counts.get(what, 0) + times
-            self.losses[what] = loss
             if where is not None:
                 self.first.setdefault(what, where)
+
+    def miss(self, scans: MissedScans) -> None:
+        """Take scans that were asked for and cannot be used into the account."""
+        self.missed[scans.what] = self.missed.get(scans.what, 0) + scans.count
+        self.scans_lost += scans.count if scans.lost else 0
 
     def clear(self) -> None:
         self.counts.clear()
         self.first.clear()
-        self.losses.clear()
-        self.scans_read = 0
-
-    def unusable_scans(self) -> dict[str, int]:
-        """What cost scans -> how many."""
-        return self._scans(Loss.SCAN, Loss.LOST_SCAN)
+        self.missed.clear()
+        self.scans_lost = self.scans_read = 0
 
     @property
     def lost_share(self) -> float:
-        """Share of the log's scans that were lost to damage, as far as is known."""
-        lost = sum(self._scans(Loss.LOST_SCAN).values())
-        return lost / (self.scans_read + sum(self.unusable_scans().values())) if lost else 0.0
-
-    def _scans(self, *losses: Loss) -> dict[str, int]:
-        return {what: times for what, times in self.counts.items() if self.losses[what] in losses}
+        """Share of the scans asked for that were lost to damage, as far as is known."""
+        return self.scans_lost / max(self.scans_read + sum(self.missed.values()), 1)
 
     def lines(self) -> list[str]:
         """What was wrong, one sentence per kind: "3 lines without a valid message (line 17)"."""
@@ -159,56 +189,3 @@ class Delay:
     @property
     def mean_s(self) -> float:
         return self.total_ns / max(self.count, 1) * 1e-9
-
-
-def select(
-    records: Iterable[Record],
-    start_s: float | None = None,
-    end_s: float | None = None,
-    every: int = 1,
-) -> Iterator[Record]:
-    """Every `every`-th scan from `start_s` to `end_s`, with the odometry around them.
-
-    Args:
-        records: in stamp order.
-        start_s, end_s: seconds after the first record; None is the log's own start or end.
-        every: 1 keeps all scans.
-
-    Yields:
-        The scans of that window, all odometry in it, and the last odometry before and the first
-        one after it, between which the poses at the first and the last scan are interpolated.
-    """
-    scans = 0
-    for record in _window(records, start_s, end_s):
-        if isinstance(record, RangeScan):
-            scans += 1
-            if (scans - 1) % every:
-                continue
-        yield record
-
-
-def _window(
-    records: Iterable[Record], start_s: float | None, end_s: float | None
-) -> Iterator[Record]:
-    origin: int | None = None
-    before: Record | None = None
-    for record in records:
-        origin = record.stamp_ns if origin is None else origin
-        elapsed = (record.stamp_ns - origin) * 1e-9
-        if start_s is not None and elapsed < start_s:
-            before = record if isinstance(record, Odometry) else before
-            continue
-        if before is not None:
-            yield before
-            before = None
-        if end_s is None or elapsed <= end_s:
-            yield record
-        elif isinstance(record, Odometry):
-            yield record
-            return
-        elif elapsed > end_s + LAST_ODOMETRY_S:
-            return
-
-
-LAST_ODOMETRY_S = 10.0
-"""How long `select` looks for odometry beyond the end before it gives up, seconds."""

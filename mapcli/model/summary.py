@@ -29,8 +29,8 @@ class ReplaySummary:
             odometry_catch_ups: steps in which odometry that had stood still delivered the way
             since, all at once.
         damage: what was wrong with the log -> how often.
-        lost_share: share of the log's scans lost to damage, as far as the log tells how many it
-            held.
+        lost_share: share of the scans asked for that were lost to damage, as far as the log tells
+            how many it held.
         interrupted: the replay was stopped early; the result is of the part before.
         seconds: what the replay took; left out of files, which must not depend on the machine.
     """

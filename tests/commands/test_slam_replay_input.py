@@ -186,6 +186,33 @@ def test_damage_is_told_with_q_too(capsys: pytest.CaptureFixture[str]) -> None:
     assert complaint.startswith("Error: hole.mcap: used_share is 0.")
 
 
+@pytest.mark.parametrize(
+    ("part", "used", "lost"),
+    [
+        ([], 30, 10),
+        (["--end", "19"], 20, 0),  # scans 1 to 20, before the damage
+        (["--end", "24"], 20, 5),  # 21 to 25
+        (["--start", "25"], 10, 5),  # 26 to 40, a second apart
+        (["--start", "32"], 8, 0),
+        (["--every", "4"], 7, 3),  # of 1, 5, ... 37: 21, 25, 29
+    ],
+)
+def test_scans_lost_outside_the_part_asked_for_do_not_count(
+    part: list[str], used: int, lost: int
+) -> None:
+    """Of 40 scans at 0, 1, ... 39 s, numbers 21 to 30 cannot be read."""
+    broken = {"data": b"\x00\x01\x00\x00abc"}
+    log = mcap_file(
+        Path(),
+        *(scan(t, [2.0] * 90, **(broken if t in range(21, 31) else {})) for t in range(1, 41)),
+    )
+    summary = traced(log, *part)["summary"]
+    assert (summary["used"], summary["scans"]) == (used, used + lost)
+    assert summary["lost_share"] == round(lost / (used + lost), 6)
+    what = "messages on /scan without readable content"
+    assert summary["skipped"] == ({what: lost} if lost else {})
+
+
 def test_stamps_that_jump_back_a_little_are_put_in_order() -> None:
     late = RECORDS[:30] + RECORDS[40:50] + RECORDS[30:40] + RECORDS[50:]
     trace = traced(write_log("late.mcap", late))

@@ -11,10 +11,10 @@ import numpy as np
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.scans.perception import FARTHEST, PerceptionParameters
 from mapcli.errors import DataError
-from mapcli.model.log import select
 from mapcli.model.perception import IntendedPose, ScanPerception
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.scan import RangeScan, Record
+from mapcli.model.selection import select
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ def extract_scan(
 
     Args:
         records: of the whole log, in stamp order.
-        start_s, end_s, every: which of its scans are considered, see `model.log.select`.
+        start_s, end_s, every: which of its scans are considered, see `model.selection.select`.
 
     Raises:
         DataError: the time is outside the log.

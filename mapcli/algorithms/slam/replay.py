@@ -122,7 +122,7 @@ class ReplayRun:
         if not self.poses:
             raise DataError("no scan in the part asked for")
         damage = damage or Damage()
-        skipped = damage.unusable_scans()
+        skipped = dict(damage.missed)
         if self._scans_read > len(self.poses):
             missed = self._scans_read - len(self.poses)
             skipped["scans not reached before the interruption"] = missed

@@ -18,15 +18,24 @@ from heapq import merge
 
 from mapcli.errors import FormatError
 from mapcli.formats.logs.blocks import read_lines
-from mapcli.formats.logs.carmen_lines import PARSERS, LaserMessage, message_name
+from mapcli.formats.logs.carmen_lines import (
+    PARSERS,
+    LaserMessage,
+    is_known,
+    message_name,
+    scans_in,
+)
 from mapcli.formats.logs.log import Log, Source, describe_mount
+from mapcli.formats.logs.missed_scans import with_stamps
 from mapcli.formats.logs.one_recording import Spans
 from mapcli.formats.logs.rep117 import rep117, single
-from mapcli.model.log import Damage, LogOptions, Loss, Topic
+from mapcli.model.log import Damage, Entry, LogOptions, MissedScans, Topic
 from mapcli.model.pose import Pose2D, rounded_angle, wrap_angle
-from mapcli.model.scan import Mount, Odometry, RangeScan, Record
+from mapcli.model.scan import Mount, Odometry, RangeScan
 
 SICK_NO_RETURN_M = 80.0
+OTHER_LASER_SHARE = 0.5
+"""So many messages of an unknown name for each scan are no damaged scans, but another laser's."""
 MOUNT_SCANS = 50
 MOUNT_TOLERANCE_M, MOUNT_TOLERANCE_RAD = 0.002, math.radians(0.1)
 
@@ -91,6 +100,8 @@ class CarmenLog(Log):
         survey, last = self._survey, dict[str, bytes]()
         spans: dict[str, tuple[int, int]] = {}
         for _, name, line in self._lines(source, Damage()):
+            if name is None:
+                continue
             survey.counts[name] = survey.counts.get(name, 0) + 1
             if name in PARSERS:
                 last[name] = line
@@ -150,12 +161,12 @@ class CarmenLog(Log):
             return own
         return super().find_odom_topic() or own
 
-    def _records(self) -> Iterator[Record]:
+    def _records(self) -> Iterator[Entry]:
         scan_name = self.require_scan_topic().name
         own_odometry = self.options.odom_topic in (None, scan_name)
         mount = self._mount(scan_name)
         parts = [
-            ((record, number) for record in self._part(source, own_odometry, mount))
+            ((record, number) for record in with_stamps(self._part(source, own_odometry, mount)))
             for number, source in enumerate(self.sources)
         ]
         for record, part in merge(*parts, key=lambda item: item[0].stamp_ns):
@@ -167,19 +178,18 @@ class CarmenLog(Log):
         scan_name = self.require_scan_topic().name
         return {scan_name, "ODOM"} if self.options.odom_topic != scan_name else {scan_name}
 
-    def _part(self, source: Source, own_odometry: bool, mount: Mount) -> Iterator[Record]:
+    def _part(self, source: Source, own_odometry: bool, mount: Mount) -> Iterator[Entry]:
         for number, message in self._messages(source, self._wanted()):
-            if isinstance(message, Odometry):
+            if not isinstance(message, LaserMessage):
                 yield message
+                continue
+            if own_odometry:
+                yield Odometry(message.stamp_ns, message.robot)
+            if len(message.ranges):
+                yield self._scan(message, mount)
             else:
-                if own_odometry:
-                    yield Odometry(message.stamp_ns, message.robot)
-                if len(message.ranges):
-                    yield self._scan(message, mount)
-                else:
-                    where = f"line {number}"
-                    what = "scans without beams, skipped"
-                    self.damage.add(what, loss=Loss.SCAN, file=source.name, where=where)
+                what, where = "scans without beams, skipped", f"line {number}"
+                yield self._missed_scan(what, source.name, where, stamp_ns=message.stamp_ns)
 
     def _scan(self, message: LaserMessage, mount: Mount) -> RangeScan:
         limit = single(_no_return(message.max_range))
@@ -195,17 +205,35 @@ class CarmenLog(Log):
 
     def _messages(
         self, source: Source, wanted: set[str]
-    ) -> Iterator[tuple[int, LaserMessage | Odometry]]:
-        """(line, message) of the messages wanted; malformed ones are counted."""
+    ) -> Iterator[tuple[int, LaserMessage | Odometry | MissedScans]]:
+        """(line, message) of the messages wanted; those that were hit are counted."""
+        scan_name = self.require_scan_topic().name
         for number, name, line in self._lines(source, self.damage):
             if name in wanted:
                 message = self._parse(name, line)
                 if message is not None:
                     yield number, message
-                else:
-                    what = f"lines without a valid {name} message"
-                    loss = Loss.LOST_SCAN if name == self.scan_topic else Loss.OTHER
-                    self.damage.add(what, loss=loss, file=source.name, where=f"line {number}")
+                    continue
+            elif name is not None and not self._may_be_hit(name, line, scan_name):
+                continue
+            lost = scans_in(line, scan_name)
+            if lost or name in wanted:
+                what = f"lines without a valid {scan_name if lost else name} message"
+            elif name is None:
+                what = "lines of nonsense, skipped"
+            else:
+                continue
+            self.damage.add(what, file=source.name, where=f"line {number}")
+            if lost:
+                yield number, MissedScans(what, lost=True, count=lost)
+
+    def _may_be_hit(self, name: str, line: bytes, scan_name: str) -> bool:
+        """Whether a line of another message may hold a scan: after it, or under its name."""
+        if scan_name.encode() in line:
+            return True
+        counts = self._survey.counts
+        often = counts.get(name, 0) >= OTHER_LASER_SHARE * counts.get(scan_name, 0)
+        return not (often or is_known(name))
 
     def _parse(self, name: str, line: bytes) -> LaserMessage | Odometry | None:
         """The message on a line; None where it is malformed."""
@@ -215,15 +243,12 @@ class CarmenLog(Log):
             return None
 
     @staticmethod
-    def _lines(source: Source, damage: Damage) -> Iterator[tuple[int, str, bytes]]:
-        """(number, name, line) of the lines that start with a message's name."""
+    def _lines(source: Source, damage: Damage) -> Iterator[tuple[int, str | None, bytes]]:
+        """(number, name, line) of the lines with content; no name where none starts a line."""
         for number, line in read_lines(source, damage):
             name = message_name(line)
-            if name is not None:
+            if name is not None or (line.strip() and not line.lstrip().startswith(b"#")):
                 yield number, name, line
-            elif line.strip() and not line.lstrip().startswith(b"#"):
-                what = "lines of nonsense, skipped"
-                damage.add(what, file=source.name, where=f"line {number}")
 
     def _mount(self, scan_name: str) -> Mount:
         if self.laser_pose is not None:

@@ -25,10 +25,9 @@ from numpy.typing import NDArray
 from mapcli.model.pose import FARTHEST_M, Pose2D, rounded_angle
 from mapcli.model.scan import LATEST_STAMP_S, NANOSECONDS, Odometry
 
-_KNOWN = re.compile(
-    rb"^(ODOM|[FR]LASER|OLDLASER|(ROBOT|RAW)LASER\d|TRUEPOS|PARAM|SYNC|SONAR|NMEA\w+) ",
-    re.MULTILINE,
-)
+_KNOWN = rb"(ODOM|[FR]LASER|OLDLASER|(ROBOT|RAW)LASER\d|TRUEPOS|PARAM|SYNC|SONAR|NMEA\w+)"
+_KNOWN_START = re.compile(rb"^%b " % _KNOWN, re.MULTILINE)
+_KNOWN_NAME = re.compile(_KNOWN)
 _NAME = re.compile(rb"[A-Z][A-Z0-9_]{2,40}")
 
 
@@ -45,7 +44,42 @@ def message_name(line: bytes) -> str | None:
 
 def looks_like_carmen(start: bytes) -> bool:
     """Whether a line of the file's beginning starts with a CARMEN message's name."""
-    return _KNOWN.search(start.replace(b"\r", b"\n")) is not None
+    return _KNOWN_START.search(start.replace(b"\r", b"\n")) is not None
+
+
+def is_known(name: str) -> bool:
+    """Whether it is the name of one of CARMEN's messages."""
+    return _KNOWN_NAME.fullmatch(name.encode()) is not None
+
+
+def scans_in(line: bytes, name: str) -> int:
+    """How many scans were on a line that is no valid message of scans.
+
+    They are told by their message's name, which is inside the line where the end of the line before
+    was hit; or, where the name was hit, by the shape: as many words and numbers as there should be.
+
+    Args:
+        name: of the scans' message.
+    """
+    inside = 0
+    if name.encode() in line:
+        parts = line.split(name.encode() + b" ")
+        inside = sum(len(part.split(None, _LEAST_WORDS)) > _LEAST_WORDS for part in parts[1:])
+    if inside or line.startswith(name.encode()):
+        return max(inside, 1)
+    words = line.split()
+    try:
+        shaped = len(words) == _WORDS[name](words)
+    except (ValueError, IndexError):
+        return 0
+    return int(shaped and sum(map(_is_number, words)) >= len(words) - _NO_NUMBERS)
+
+
+def _is_number(word: bytes) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,6 +98,19 @@ class LaserMessage:
 Parser = Callable[[list[bytes], bool], "LaserMessage | Odometry"]
 
 
+def _flaser_words(words: list[bytes]) -> int:
+    """How many words the line should have."""
+    return 11 + int(words[1])
+
+
+def _robotlaser_words(words: list[bytes]) -> int:
+    n = int(words[8])
+    _expect(0 <= n < len(words) - 9)
+    remissions = int(words[9 + n])
+    _expect(remissions >= 0)
+    return 24 + n + remissions
+
+
 def parse_odom(words: list[bytes], log_time: bool) -> Odometry:
     """An ODOM line, split at spaces. Raises ValueError where it is malformed."""
     _expect(len(words) == 10)
@@ -73,7 +120,7 @@ def parse_odom(words: list[bytes], log_time: bool) -> Odometry:
 def parse_flaser(words: list[bytes], log_time: bool) -> LaserMessage:
     """An FLASER line, split at spaces. Raises ValueError where it is malformed."""
     n = int(words[1])
-    _expect(n >= 0 and len(words) == n + 11)
+    _expect(n >= 0 and len(words) == _flaser_words(words))
     angle_min, increment = _half_circle(n)
     return LaserMessage(
         _stamp(words, log_time),
@@ -89,9 +136,8 @@ def parse_flaser(words: list[bytes], log_time: bool) -> LaserMessage:
 def parse_robotlaser(words: list[bytes], log_time: bool) -> LaserMessage:
     """A ROBOTLASER1 line, split at spaces. Raises ValueError where it is malformed."""
     n = int(words[8])
-    _expect(0 <= n < len(words) - 9)
-    tail = 10 + n + int(words[9 + n])
-    _expect(tail >= 10 + n and len(words) == tail + 14)
+    _expect(len(words) == _robotlaser_words(words))
+    tail = len(words) - 14
     start, view, step, max_range = map(float, words[2:6])
     if n > 1 and not (step > 0 and abs(view - step * (n - 1)) <= 1.5 * step):
         step = view / (n - 1)
@@ -117,6 +163,15 @@ PARSERS: dict[str, Parser] = {
 
 _USUAL_NAMES = {name.encode(): name for name in PARSERS}
 """Nearly every line starts with one of these, and is spared the pattern."""
+
+_WORDS: dict[str, Callable[[list[bytes]], int]] = {
+    "FLASER": _flaser_words,
+    "ROBOTLASER1": _robotlaser_words,
+}
+_LEAST_WORDS = 10
+"""That follow the name of such a message."""
+_NO_NUMBERS = 3
+"""Words of such a message that are none: its name, the host, and one that was hit as well."""
 
 _MOST_READINGS = 1 << 15
 """Known readings; a centimetre each, they would do for 328 m."""

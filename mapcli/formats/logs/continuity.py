@@ -19,8 +19,9 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from mapcli.model.log import Entry
 from mapcli.model.pose import Pose2D, wrap_angle
-from mapcli.model.scan import NANOSECONDS, Odometry, RangeScan, Record
+from mapcli.model.scan import NANOSECONDS, Odometry, RangeScan
 
 GAP_PERIODS, GAP_S = 5.0, 1.0
 """Nothing is recorded when a record is later by more than so many mean periods and seconds."""
@@ -146,7 +147,7 @@ class Continuity:
         self._scan_step_s, self._scans_since = 0.0, 0
         self._longest_m, self._speed, self._returns = 0.0, USUAL_M_S, 0
 
-    def watched(self, records: Iterable[Record], part: Callable[[], int]) -> Iterator[Record]:
+    def watched(self, records: Iterable[Entry], part: Callable[[], int]) -> Iterator[Entry]:
         """The records.
 
         Args:

@@ -14,13 +14,15 @@ from pathlib import Path
 
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.logs.continuity import Break, Continuity
+from mapcli.formats.logs.missed_scans import with_stamps
 from mapcli.formats.logs.no_return import NoReturnFilter
 from mapcli.formats.logs.one_recording import Part, Spans, refuse_breaks, refuse_overlap
 from mapcli.formats.logs.topics import choose_odom_topic, choose_scan_topic
 from mapcli.model.counting import counted
-from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, Loss, Topic, select
+from mapcli.model.log import BeamCounts, Damage, Delay, Entry, LogOptions, MissedScans, Topic
 from mapcli.model.pose import rounded_angle
 from mapcli.model.scan import Mount, Odometry, RangeScan, Record
+from mapcli.model.selection import select
 
 REORDER_RECORDS = 2000
 """Records held back to put stamps in order: some 10 s of a usual robot, a few MB of scans."""
@@ -45,9 +47,8 @@ class StrictDamage(Damage):
     """Refuses the first damage instead of counting it (`--strict`)."""
 
     def add(
-        self, what: str, times: int = 1, *, loss: Loss = Loss.OTHER,
-        file: str | None = None, where: str | None = None,
-    ) -> None:  # fmt: skip
+        self, what: str, times: int = 1, *, file: str | None = None, where: str | None = None
+    ) -> None:
         if times:
             raise FormatError(
                 counted(times, what), file=file, where=where, expected="an undamaged log (--strict)"
@@ -164,7 +165,8 @@ class Log(ABC):
         comes right after it. Ranges follow REP 117. May be called again to read once more.
 
         Args:
-            start_s, end_s, every: the part wanted, see `model.log.select`.
+            start_s, end_s, every: the part asked for, see `model.selection.select`; `damage`
+                accounts for its scans.
 
         Raises:
             DataError: no scan topic or no obvious one; recordings that are not one, unless
@@ -172,13 +174,22 @@ class Log(ABC):
             FormatError: nothing can be read, or the log is damaged and `strict` is set.
         """
         self._continuity = Continuity()
-        records = select(self._all_records(), start_s, end_s, every)
+        records = self._accounted(select(self._all_records(), start_s, end_s, every))
         if self.options.one_recording:
             return records
         names = [source.name for source in self.sources]
         return refuse_breaks(records, self.breaks, names, lambda: self._start_ns)
 
-    def _all_records(self) -> Iterator[Record]:
+    def _accounted(self, entries: Iterable[Entry]) -> Iterator[Record]:
+        """The records of what was asked for; scans are counted, also those that are missed."""
+        for entry in entries:
+            if isinstance(entry, MissedScans):
+                self.damage.miss(entry)
+            else:
+                self.damage.scans_read += isinstance(entry, RangeScan)
+                yield entry
+
+    def _all_records(self) -> Iterator[Entry]:
         self.damage.clear()
         self.beams, self.disordered, self.delays = BeamCounts(), 0, {}
         self.require_scan_topic()
@@ -188,13 +199,12 @@ class Log(ABC):
             parts = zip(self.sources, self._part_spans(), strict=True)
             refuse_overlap([Part(source.name, source.path, spans) for source, spans in parts])
         scans, self._start_ns, codes = 0, -1, NoReturnFilter()
-        watched = self._continuity.watched(self._records(), lambda: self.part)
+        watched = self._continuity.watched(with_stamps(self._records()), lambda: self.part)
         try:
             for record in codes.records(self._in_stamp_order(watched), self.beams):
-                if self._start_ns < 0:
+                if self._start_ns < 0 and not isinstance(record, MissedScans):
                     self._start_ns = record.stamp_ns
                 scans += isinstance(record, RangeScan)
-                self.damage.scans_read = scans
                 yield record
         except OSError as error:
             raise FormatError(str(error.strerror or error).lower(), file=self.name) from error
@@ -210,10 +220,17 @@ class Log(ABC):
         """For each file, when it was recorded: of the scans and the odometry that are read."""
 
     @abstractmethod
-    def _records(self) -> Iterator[Record]:
+    def _records(self) -> Iterator[Entry]:
         """The records in the order of recording, roughly that of their stamps; sets `part`."""
 
-    def _in_stamp_order(self, records: Iterable[Record]) -> Iterator[Record]:
+    def _missed_scan(
+        self, what: str, file: str, where: str, *, lost: bool = False, stamp_ns: int | None = None
+    ) -> MissedScans:
+        """A scan that cannot be used, after it was counted as damage."""
+        self.damage.add(what, file=file, where=where)
+        return MissedScans(what, lost, first_ns=stamp_ns, last_ns=stamp_ns)
+
+    def _in_stamp_order(self, records: Iterable[Entry]) -> Iterator[Entry]:
         """The records sorted by stamp within a window of `REORDER_RECORDS`; equal ones stay.
 
         A record that comes later than that with a stamp before one already given out is dropped
@@ -221,9 +238,15 @@ class Log(ABC):
         A single stamp far in the future does no harm: its record is given out at the end.
         """
         waiting = _InOrder()
-        given, latest = -1, dict[type[Record], int]()
+        given, latest = -1, dict[type, int]()
         for record in records:
             stamp, kind = record.stamp_ns, type(record)
+            if isinstance(record, MissedScans):
+                if stamp < given:
+                    yield record
+                else:
+                    waiting.add(record)
+                continue
             if stamp < latest.get(kind, 0):
                 self.disordered += 1
             else:
@@ -231,8 +254,9 @@ class Log(ABC):
             if stamp < given:
                 what = f"{_plural(record)} with a stamp that jumps back, dropped"
                 where = f"at {stamp * 1e-9:.3f} s"
-                loss = Loss.SCAN if isinstance(record, RangeScan) else Loss.OTHER
-                self.damage.add(what, loss=loss, file=self.sources[0].name, where=where)
+                missed = self._missed_scan(what, self.sources[0].name, where, stamp_ns=stamp)
+                if isinstance(record, RangeScan):
+                    yield missed
                 continue
             waiting.add(record)
             if len(waiting) > REORDER_RECORDS:
@@ -242,10 +266,10 @@ class Log(ABC):
         yield from waiting
 
 
-class _InOrder(deque[Record]):
+class _InOrder(deque[Entry]):
     """Records sorted by stamp, equal ones in the order of their arrival (`add`)."""
 
-    def add(self, record: Record) -> None:
+    def add(self, record: Entry) -> None:
         if not self or self[-1].stamp_ns <= record.stamp_ns:
             self.append(record)  # as nearly all come
         else:

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.formats.logs.rep117 import single
-from mapcli.model.log import BeamCounts
+from mapcli.model.log import BeamCounts, Entry
 from mapcli.model.pose import Pose2D
-from mapcli.model.scan import Mount, Odometry, RangeScan, Record
+from mapcli.model.scan import Mount, Odometry, RangeScan
 
 BIN_M = 0.01
 """Width of a bin of the histogram, metres: about what lasers and logs resolve."""
@@ -176,7 +176,7 @@ class NoReturnFilter:
     def __init__(self) -> None:
         self.lasers = defaultdict[Mount, NoReturnCodes](NoReturnCodes)
 
-    def records(self, records: Iterable[Record], beams: BeamCounts) -> Iterator[Record]:
+    def records(self, records: Iterable[Entry], beams: BeamCounts) -> Iterator[Entry]:
         """The records in their order.
 
         The first are held back until enough of the log is known; what the lasers' codes are is
@@ -185,7 +185,7 @@ class NoReturnFilter:
         Args:
             beams: what became of the beams; the codes are added.
         """
-        held, scans, odometry = deque[Record](), 0, None
+        held, scans, odometry = deque[Entry](), 0, None
         for record in records:
             held.append(record)
             if isinstance(record, Odometry):
@@ -200,7 +200,7 @@ class NoReturnFilter:
     def _has_looked(self) -> bool:
         return bool(self.lasers) and all(laser.looked for laser in self.lasers.values())
 
-    def _released(self, held: deque[Record], beams: BeamCounts) -> Iterator[Record]:
+    def _released(self, held: deque[Entry], beams: BeamCounts) -> Iterator[Entry]:
         for laser in self.lasers.values():
             if not laser.looked:
                 laser.look()

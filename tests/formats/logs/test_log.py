@@ -17,9 +17,10 @@ from mapcli.formats.logs.log import Log, Source, StrictDamage
 from mapcli.formats.logs.one_recording import Spans
 from mapcli.formats.logs.open_log import open_log
 from mapcli.formats.logs.rep117 import rep117, sensible_limits
-from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, Loss, Topic, select
+from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, MissedScans, Topic
 from mapcli.model.pose import Pose2D, rounded_angle, wrap_angle
 from mapcli.model.scan import Odometry, RangeScan, Record
+from mapcli.model.selection import select
 
 S = 10**9
 
@@ -152,17 +153,16 @@ def test_damage_speaks_in_the_right_number() -> None:
     assert damage.lines() == []
 
 
-def test_what_damage_cost_is_said_where_it_is_found() -> None:
-    damage = Damage()
-    damage.add("scans without beams", 2, loss=Loss.SCAN)
-    damage.add("scans that only look lost", 5)
-    damage.add("messages on /scan without readable content", loss=Loss.SCAN)
-    assert damage.unusable_scans() == {
-        "scans without beams": 2,
-        "messages on /scan without readable content": 1,
-    }
+def test_damage_accounts_for_missed_scans() -> None:
+    damage = Damage(scans_read=3)
+    assert damage.lost_share == 0
+    damage.miss(MissedScans("scans without beams", lost=False, count=2))
+    damage.miss(MissedScans("scans lost", lost=True))
+    damage.miss(MissedScans("scans lost", lost=True, count=4))
+    assert damage.missed == {"scans without beams": 2, "scans lost": 5}
+    assert damage.lost_share == 0.5
     damage.clear()
-    assert damage.unusable_scans() == {}
+    assert (damage.missed, damage.lost_share) == ({}, 0)
 
 
 def test_strict_damage_refuses_the_first() -> None:

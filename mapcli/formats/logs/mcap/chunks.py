@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Container
 from io import BytesIO
 from typing import BinaryIO, NamedTuple
 
@@ -12,13 +13,15 @@ from mcap.opcode import Opcode
 
 from mapcli import memory
 from mapcli.formats.logs.mcap.container_records import (
+    MESSAGE,
     RECORD,
     ChunkHead,
     Segment,
     chunk_head,
+    reads_like_message,
 )
 from mapcli.formats.logs.mcap.frames import lz4_start, zstd_start
-from mapcli.formats.logs.mcap.places import LEAST_LENGTHS, Channels, places
+from mapcli.formats.logs.mcap.places import LEAST_LENGTHS, places
 
 MAX_UNPACKED_BYTES = 1 << 30
 """No recorder writes larger chunks; a broken size must not exhaust the memory."""
@@ -127,15 +130,20 @@ def _begun(packed: bytes, head: ChunkHead) -> bytes:
     return b"" if compression else packed
 
 
-def records(data: bytes, channels: Channels = ()) -> tuple[list[tuple[int, int, int]], bool]:
+def records(
+    data: bytes, channels: Container[int] = (), near_ns: int | None = None
+) -> tuple[list[tuple[int, int, int]], bool]:
     """(opcode, start, end) of the contents of records in unpacked data, and whether it is sound.
 
     Where a record leads nowhere, reading goes on at the next one that makes sense.
+
+    Args:
+        channels: by which a message is known whose opcode was hit; near_ns: a log time beside.
     """
-    found = _sound_records(data)
+    found = _sound_records(data, channels, near_ns)
     if found is not None:
         return found, True
-    walked = places(BytesIO(data), 0, len(data), channels, finished=True)
+    walked = places(BytesIO(data), 0, len(data), channels, finished=True, near_ns=near_ns)
     return [
         (place.opcode, place.offset + RECORD.size, place.end)
         for place in walked
@@ -143,11 +151,13 @@ def records(data: bytes, channels: Channels = ()) -> tuple[list[tuple[int, int, 
     ], False
 
 
-def _sound_records(data: bytes) -> list[tuple[int, int, int]] | None:
+def _sound_records(
+    data: bytes, channels: Container[int], near_ns: int | None
+) -> list[tuple[int, int, int]] | None:
     """The same if each record leads to the next and the last one to the end."""
     found = []
     unpack, head, least = RECORD.unpack_from, RECORD.size, LEAST_LENGTHS
-    at, end = 0, len(data)
+    at, end, message = 0, len(data), int(Opcode.MESSAGE)
     last = end - head
     while at <= last:
         opcode, length = unpack(data, at)
@@ -157,4 +167,8 @@ def _sound_records(data: bytes) -> list[tuple[int, int, int]] | None:
             return None
         if opcode in USED:
             found.append((opcode, start, at))
+        if opcode != message and channels:
+            content = data[start : min(at, start + MESSAGE.size)]
+            if reads_like_message(opcode, length, content, channels, near_ns):
+                return None
     return found if at == end else None

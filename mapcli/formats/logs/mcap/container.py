@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Container, Iterator, Mapping
-from heapq import heappop, heappush, heapreplace
+from heapq import heappop, heappush, heapreplace, merge
 from operator import itemgetter
 from typing import BinaryIO, NamedTuple
 
@@ -13,28 +13,22 @@ from mcap.records import Channel, Schema
 
 from mapcli.formats.logs.log import Source
 from mapcli.formats.logs.mcap.chunks import records, unpacked
-from mapcli.formats.logs.mcap.container_records import MESSAGE, Segment, add_description
-from mapcli.formats.logs.mcap.recovery import Layout, walk
-from mapcli.formats.logs.mcap.summary_section import Summary, read_summary
-from mapcli.model.log import Damage, Loss
-from mapcli.model.scan import NANOSECONDS
-
-NEAR_NS = 3600 * NANOSECONDS
-"""What is left of the next chunk may follow in a damaged one; it is not as far off as nonsense."""
-
-LOST_SCANS = "scans lost in damaged parts of the file"
-LOST_MESSAGES = "messages lost that the file should hold"
+from mapcli.formats.logs.mcap.container_records import (
+    MESSAGE,
+    NEAR_NS,
+    NOTHING,
+    Message,
+    Segment,
+    add_description,
+)
+from mapcli.formats.logs.mcap.gaps import Gap, gaps_between, hole, holes, shared_out
+from mapcli.formats.logs.mcap.losses import LossLedger, lost_in
+from mapcli.formats.logs.mcap.recovery import walk
+from mapcli.formats.logs.mcap.summary_section import read_summary
+from mapcli.model.log import Damage
 
 MAX_OPEN_SEGMENTS, MAX_OPEN_BYTES = 64, 1 << 28
 """Overlapping chunks that are held unpacked at most; beyond, `Log` restores the order of stamps."""
-
-
-class Message(NamedTuple):
-    """A message as stored; `data` is a view into its chunk."""
-
-    log_time_ns: int
-    channel: int
-    data: memoryview
 
 
 class McapFile:
@@ -68,69 +62,84 @@ class McapFile:
             if summary.doubtful:
                 self.schemas |= layout.schemas
                 self.channels |= layout.channels
-            if summary.statistics is not None and self._all_described() and not summary.doubtful:
-                self._trust(summary.statistics, layout)
+            self._gaps = gaps_between(self._segments, layout.gaps)
+            agreed = summary.statistics is not None and self._tell_of(summary.statistics)
+            if agreed and self._all_described() and not summary.doubtful:
+                self.spans = layout.spans
             else:
-                self._survey(file, summary, layout)
-        told = summary.statistics is not None
-        self.complete = told or (summary.finished and not layout.gaps)
+                self._gaps += self._survey(file, doubtful=summary.doubtful)
+            self._count_missing(summary.statistics or summary.indexed)
+        self.complete = summary.statistics is not None or (summary.finished and not self._gaps)
 
     def _all_described(self) -> bool:
         """Whether all channels are known, with their schemas."""
         needed = {channel.schema_id for channel in self.channels.values()} - {0}
         return bool(self.channels) and needed <= self.schemas.keys()
 
-    def _trust(self, statistics: dict[int, int], layout: Layout) -> None:
-        """Take the counts from the statistics, and the chunks' own counts if they agree."""
-        self.counts = dict(statistics)
-        self.spans = layout.spans
+    def _tell_of(self, statistics: dict[int, int]) -> bool:
+        """Whether the segments tell of as many messages as the summary does."""
         told: Counter[int] = Counter()
         for segment in self._segments:
             told.update(segment.told)
-        if told == self.counts:
-            for segment in self._segments:
-                segment.counts = segment.told or None
-        elif any(times > self.counts.get(channel, 0) for channel, times in told.items()):
-            for segment in self._segments:
-                segment.told = {}
+        return told == Counter(statistics)
 
-    def _survey(self, file: BinaryIO, summary: Summary, layout: Layout) -> None:
-        """Find channels and counts by unpacking every chunk once (there is no usable summary)."""
-        lost: Counter[int] = Counter()
+    def _survey(self, file: BinaryIO, *, doubtful: bool) -> list[Gap]:
+        """Find channels and counts by unpacking every chunk once.
+
+        That is needed where the summary is missing, or what it says is not what is there. Gaps are
+        in chunks of which it is not told how much they held.
+        """
+        gaps: list[Gap] = []
         for segment in self._segments:
-            segment.counts, segment.surveyed = {}, True
-            data, found, trouble = _content(file, segment, self.channels)
-            for opcode, start, end in found:
+            content = _content(file, segment, self.channels)
+            if self._describe(content, certain=segment.chunk and doubtful):
+                content = _content(file, segment, self.channels)  # more is known to be a message
+            data, found, trouble = content
+            segment.surveyed, times = True, list[int]()
+            for opcode, start, _ in found:
                 if opcode == Opcode.MESSAGE:
                     channel, _, log_time, _ = MESSAGE.unpack_from(data, start)
-                    if trouble is None or _is_sensible(segment, log_time):
+                    if channel not in self.channels:
+                        trouble = trouble or "with messages of unknown channels"
+                    elif trouble is None or _is_sensible(segment, log_time):
                         self._count(segment, channel, log_time)
-                elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                    certain = trouble is None and segment.chunk and summary.doubtful
-                    self._describe(opcode, data[start:end], certain=certain)
-            if trouble is not None:
-                layout.gaps = layout.gaps or not segment.told
-                lost.update(Counter(segment.told) - Counter(segment.counts))
+                        times.append(log_time)
+            if trouble is None:
+                segment.told = {}  # what else an index tells is wrong
+            else:
                 _tell(self.damage, trouble, segment, self.source.name)
-        found_and_lost = Counter(self.counts) + lost
-        told = summary.statistics or summary.indexed
-        for channel in self.channels:
-            times = max(found_and_lost[channel], told.get(channel, 0))
-            if times:
-                self.counts[channel] = times
+                if not segment.told:
+                    gaps.append(hole(segment, times))
+        return gaps
 
-    def _describe(self, opcode: int, content: bytes, *, certain: bool) -> None:
-        """Take a schema or channel: one that is not certain only if it is not known yet."""
+    def _count_missing(self, told: Mapping[int, int]) -> None:
+        """Find out how many messages are in no segment, by what the summary tells."""
+        held: Counter[int] = Counter()
+        for segment in self._segments:
+            held.update(segment.held())
+        self._missing = Counter(told) - held
+        counts = held + self._missing
+        self.counts = {channel: counts[channel] for channel in self.channels if counts[channel]}
+
+    def _describe(self, content: Content, *, certain: bool) -> bool:
+        """Take schemas and channels; those that are not certain only if they are not known yet.
+
+        Returns:
+            Whether there was a channel that was not known.
+        """
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
-        add_description(schemas, channels, opcode, content)
-        self.schemas = self.schemas | schemas if certain else schemas | self.schemas
-        self.channels = self.channels | channels if certain else channels | self.channels
+        for opcode, start, end in content.records:
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                add_description(schemas, channels, opcode, content.data[start:end])
+        new = not channels.keys() <= self.channels.keys()
+        wins = certain and content.trouble is None
+        self.schemas = self.schemas | schemas if wins else schemas | self.schemas
+        self.channels = self.channels | channels if wins else channels | self.channels
+        return new
 
     def _count(self, segment: Segment, channel: int, log_time: int) -> None:
-        assert segment.counts is not None
         segment.counts[channel] = segment.counts.get(channel, 0) + 1
-        self.counts[channel] = self.counts.get(channel, 0) + 1
         first, last = self.spans.get(channel, (log_time, log_time))
         self.spans[channel] = min(first, log_time), max(last, log_time)
 
@@ -144,23 +153,29 @@ class McapFile:
         Args:
             scans: channels of which a message that is lost is a lost scan.
         """
+        ledger = LossLedger(self.source.name, damage, scans)
+        with self.source.path.open("rb") as file:
+            messages = self._merged(file, wanted, ledger)
+            if wanted & self._missing.keys():
+                lost = [m for channel in sorted(wanted) for m in self._lost(file, channel)]
+                lost.sort(key=itemgetter(0))
+                messages = merge(messages, ledger.told(lost), key=itemgetter(0))
+            yield from messages
+
+    def _lost(self, file: BinaryIO, channel: int) -> Iterator[Message]:
+        """The messages of a channel that are in no segment, by the times around them."""
+        gaps = self._gaps
+        if not gaps and self._missing[channel]:
+            known = self._merged(file, {channel}, LossLedger(self.source.name, Damage(), ()))
+            gaps = holes([message.log_time_ns for message in known])
+        for start_ns, count in shared_out(self._missing[channel], gaps):
+            yield Message(start_ns, channel, NOTHING, count)
+
+    def _merged(self, file: BinaryIO, wanted: set[int], ledger: LossLedger) -> Iterator[Message]:
         waiting = sorted(
-            (s for s in self._segments if s.counts is None or wanted & s.counts.keys()),
+            (segment for segment in self._segments if wanted & segment.held().keys()),
             key=lambda segment: (segment.start_ns, segment.offset),
         )
-        ledger = _Ledger(self.source.name, damage, scans)
-        found: Counter[int] = Counter()
-        with self.source.path.open("rb") as file:
-            for message in self._merged(file, waiting, wanted, ledger):
-                found[message.channel] += 1
-                yield message
-        for channel in sorted(wanted):
-            accounted = found[channel] + ledger.lost[channel]
-            ledger.lose(channel, self.counts.get(channel, 0) - accounted)
-
-    def _merged(
-        self, file: BinaryIO, waiting: list[Segment], wanted: set[int], ledger: _Ledger
-    ) -> Iterator[Message]:
         open_: list[tuple[int, int, Message, Iterator[Message]]] = []
         for segment in waiting:
             while open_ and (open_[0][0] < segment.start_ns or _too_many(open_)):
@@ -172,7 +187,7 @@ class McapFile:
             yield _advance(open_)
 
     def _load(
-        self, file: BinaryIO, segment: Segment, wanted: set[int], ledger: _Ledger
+        self, file: BinaryIO, segment: Segment, wanted: set[int], ledger: LossLedger
     ) -> list[Message]:
         data, found, trouble = _content(file, segment, self.channels)
         view = memoryview(data)
@@ -182,48 +197,27 @@ class McapFile:
                 channel, _, log_time, _ = MESSAGE.unpack_from(data, start)
                 if channel in wanted and (trouble is None or _is_sensible(segment, log_time)):
                     messages.append(Message(log_time, channel, view[start + MESSAGE.size : end]))
-        if trouble is not None:
-            ledger.chunk(trouble, segment, wanted, Counter(m.channel for m in messages))
+        if trouble is not None and not segment.surveyed:
+            _tell(ledger.damage, trouble, segment, self.source.name)
+        messages.extend(ledger.told(lost_in(segment, messages, wanted)))
         messages.sort(key=itemgetter(0))
         return messages
 
 
-class _Ledger:
-    """Counts what was lost while the messages of a file are read (stateful).
+class Content(NamedTuple):
+    """What a segment holds: its records (opcode, start, end), and what is wrong or None."""
 
-    Attributes:
-        lost: channel -> messages that are accounted for as lost.
-    """
-
-    def __init__(self, name: str, damage: Damage, scans: Container[int]) -> None:
-        self.lost: Counter[int] = Counter()
-        self._name, self._damage, self._scans = name, damage, scans
-
-    def chunk(self, trouble: str, segment: Segment, wanted: set[int], found: Counter[int]) -> None:
-        """A chunk with damage, and what of it was found."""
-        if not segment.surveyed:
-            _tell(self._damage, trouble, segment, self._name)
-        for channel in sorted(wanted):
-            self.lose(channel, segment.told.get(channel, 0) - found[channel])
-
-    def lose(self, channel: int, times: int) -> None:
-        """Messages of a channel that are lost; none if `times` is negative."""
-        if times <= 0:
-            return
-        self.lost[channel] += times
-        if channel in self._scans:
-            self._damage.add(LOST_SCANS, times, loss=Loss.LOST_SCAN, file=self._name)
-        else:
-            self._damage.add(LOST_MESSAGES, times, file=self._name)
+    data: bytes
+    records: list[tuple[int, int, int]]
+    trouble: str | None
 
 
-def _content(
-    file: BinaryIO, segment: Segment, channels: Mapping[int, Channel]
-) -> tuple[bytes, list[tuple[int, int, int]], str | None]:
-    """What a segment holds, its records, and what is wrong with it or None."""
+def _content(file: BinaryIO, segment: Segment, channels: Mapping[int, Channel]) -> Content:
     data, trouble = unpacked(file, segment)
-    found, sound = records(data, channels)
-    return data, found, trouble if sound or trouble else "with broken records"
+    found, sound = records(data, channels, segment.start_ns)
+    if not sound and segment.chunk:  # outside chunks, the walk has told
+        trouble = trouble or "with broken records"
+    return Content(data, found, trouble)
 
 
 def _tell(damage: Damage, trouble: str, segment: Segment, name: str) -> None:

@@ -7,14 +7,17 @@ record  opcode (1 byte), length (8 bytes), content
 from __future__ import annotations
 
 import struct
+from collections.abc import Container
 from dataclasses import dataclass, field
 from io import BytesIO
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
+
+from mapcli.model.scan import NANOSECONDS
 
 MAX_DESCRIPTION_BYTES = 1 << 24
 """A schema or channel longer than this is not one."""
@@ -29,8 +32,13 @@ NAME_LENGTHS = len("zstd"), len("lz4"), 0
 MAGICS = {b"\x28\xb5\x2f\xfd": "zstd", b"\x04\x22\x4d\x18": "lz4"}
 """First bytes of a chunk's content -> how it is compressed."""
 
+NEAR_NS = 3600 * NANOSECONDS
+"""Messages are not farther from those around them; nonsense is."""
+
 INDEX = struct.Struct("<HI")
 """Channel, bytes of entries (16 each: log time, offset)."""
+FARTHEST_OFFSET = 1 << 40
+"""Of a message in a chunk; as a time, 18 minutes after 1970."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +49,8 @@ class Place:
         offset: of its opcode.
         end: of the byte after it; the file's end when it is cut short.
         complete: False where it leads beyond the file's end.
-        whole: False for a chunk whose head is broken or whose end is elsewhere than it says.
+        whole: False for a chunk whose head is broken or whose end is elsewhere than it says, and
+            for a message known by its content.
     """
 
     opcode: int
@@ -62,8 +71,8 @@ class Segment:
         complete: False for the chunk at which a truncated file ends.
         whole: False for a chunk whose head is broken or whose end is elsewhere than it says.
         told: messages by channel, as the index behind a chunk tells.
-        counts: messages by channel that are relied on; None when not known.
-        surveyed: whether its damage was told when the file was opened.
+        counts: messages by channel that were found in a survey.
+        surveyed: whether there was one, which told its damage.
     """
 
     offset: int
@@ -74,8 +83,29 @@ class Segment:
     complete: bool = True
     whole: bool = True
     told: dict[int, int] = field(default_factory=dict)
-    counts: dict[int, int] | None = None
+    counts: dict[int, int] = field(default_factory=dict)
     surveyed: bool = False
+
+    def held(self) -> dict[int, int]:
+        """Messages by channel that were in it, those included that are lost."""
+        if not self.counts:
+            return self.told
+        return {
+            channel: max(self.told.get(channel, 0), self.counts.get(channel, 0))
+            for channel in self.told | self.counts
+        }
+
+
+NOTHING = memoryview(b"")
+
+
+class Message(NamedTuple):
+    """A message as stored; `data` is a view into its chunk. Or so many that are lost here."""
+
+    log_time_ns: int
+    channel: int
+    data: memoryview
+    lost: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +153,27 @@ def chunk_head(file: BinaryIO, offset: int) -> ChunkHead | None:
         consistent=bool(agreeing),
         packed_as=MAGICS.get(content[data : data + 4], ""),
     )  # fmt: skip
+
+
+def reads_like_message(
+    opcode: int, length: int, content: bytes, channels: Container[int], near_ns: int | None
+) -> bool:
+    """Whether a record is a message though its opcode tells otherwise: that byte was hit.
+
+    Args:
+        length: of its content; content: the first `MESSAGE.size` bytes of it, or more.
+        channels: that are known.
+        near_ns: log time of a message beside it; None where none is known.
+    """
+    if length < MESSAGE.size or len(content) < MESSAGE.size:
+        return False
+    channel, number, log_time, publish_time = MESSAGE.unpack_from(content)
+    near = abs(log_time - (publish_time if near_ns is None else near_ns)) <= NEAR_NS
+    # An index has the time of a message where messages have theirs; an offset in a chunk follows.
+    entries = length - INDEX.size
+    told = number == entries or (opcode == Opcode.MESSAGE_INDEX and publish_time < FARTHEST_OFFSET)
+    is_index = entries % 16 == 0 and told
+    return channel in channels and log_time > 0 and near and not is_index
 
 
 def add_description(

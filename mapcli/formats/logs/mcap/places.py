@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Container, Iterator
-from typing import BinaryIO, Protocol
+from typing import BinaryIO
 
 from mcap.opcode import Opcode
 
@@ -23,6 +23,7 @@ from mapcli.formats.logs.mcap.container_records import (
     ChunkHead,
     Place,
     chunk_head,
+    reads_like_message,
 )
 
 OPCODES = frozenset(Opcode)
@@ -51,24 +52,20 @@ _NAME_OFFSET = RECORD.size + CHUNK.size - 4
 _SHAPE_BYTES = 64
 
 
-class Channels(Protocol):
-    """The channels known so far, of which a message is sooner believed to be one."""
-
-    def __contains__(self, channel: object, /) -> bool: ...
-
-
 def places(
-    file: BinaryIO, start: int, end: int, channels: Channels, *, finished: bool
-) -> Iterator[Place]:
+    file: BinaryIO, start: int, end: int, channels: Container[int], *, finished: bool,
+    near_ns: int | None = None,
+) -> Iterator[Place]:  # fmt: skip
     """The records between two offsets, and the gaps between them.
 
     Args:
         channels: may grow while the places are asked for.
         finished: the real end of the data is at `end`; otherwise it may be in the middle of a
             record.
+        near_ns: log time of a message there, if one is known.
     """
     held: deque[Place] = deque()
-    finder = _Finder(file, end, channels, finished=finished)
+    finder = _Finder(file, end, channels, near_ns, finished=finished)
     at = start
     while at < end:
         place = finder.place(at)
@@ -119,25 +116,47 @@ def _overrun(place: Place, stop: int) -> Place:
 
 
 class _Finder:
-    """Tells records from other bytes in one file."""
+    """Tells records from other bytes in one file (stateful: remembers the last message's time)."""
 
-    def __init__(self, file: BinaryIO, end: int, channels: Channels, *, finished: bool) -> None:
-        self._file, self._end, self._channels = file, end, channels
+    def __init__(
+        self, file: BinaryIO, end: int, channels: Container[int], near_ns: int | None, *,
+        finished: bool,
+    ) -> None:  # fmt: skip
+        self._file, self._end, self._channels, self._near_ns = file, end, channels, near_ns
         self._no_records: Container[int] = (Opcode.DATA_END, Opcode.FOOTER) if finished else ()
 
     def place(self, at: int) -> Place | None:
         """The record at `at`; incomplete if it leads beyond the end; None if it cannot be one."""
         self._file.seek(at)
-        head = self._file.read(min(RECORD.size, self._end - at))
+        head = self._file.read(min(RECORD.size + MESSAGE.size, self._end - at))
         if len(head) < RECORD.size:
             return Place(head[0], at, self._end, complete=False) if head[0] in OPCODES else None
-        opcode, length = RECORD.unpack(head)
-        if opcode != Opcode.MESSAGE and (chunk := self._chunk(at, opcode, length)):
-            return chunk
+        opcode, length = RECORD.unpack_from(head)
+        if opcode == Opcode.MESSAGE:
+            self._note_time(head)
+        elif found := self._chunk(at, opcode, length) or self._message(at, head, length):
+            return found
         if opcode == Opcode.CHUNK or opcode in self._no_records or not _possible(opcode, length):
             return None
         stop = at + RECORD.size + length
         return Place(opcode, at, min(stop, self._end), complete=stop <= self._end)
+
+    def _note_time(self, head: bytes) -> None:
+        """The log time of a message, if it seems to be one."""
+        if len(head) == RECORD.size + MESSAGE.size:
+            channel, _, log_time, _ = MESSAGE.unpack_from(head, RECORD.size)
+            if channel in self._channels:
+                self._near_ns = log_time
+
+    def _message(self, at: int, head: bytes, length: int) -> Place | None:
+        """The message at `at` by its content, whatever its opcode."""
+        stop = at + RECORD.size + length
+        content = head[RECORD.size :]
+        if stop > self._end or not reads_like_message(
+            head[0], length, content, self._channels, self._near_ns
+        ):
+            return None
+        return Place(Opcode.MESSAGE, at, stop, whole=False)
 
     def _chunk(self, at: int, opcode: int, length: int) -> Place | None:
         """The chunk at `at`, by its two lengths, or by its name and the start of its content."""

@@ -44,7 +44,7 @@ def read_mcap_poses(source: Source, topic: str | None, damage: Damage) -> Trajec
         raise
     decoder = DECODERS[chosen.type]
     rows = []
-    for log_time, _, data in file.messages({number for _, number in carriers[chosen]}, damage):
+    for log_time, _, data, _ in file.messages({number for _, number in carriers[chosen]}, damage):
         try:
             message = decoder(data)
         except ValueError:

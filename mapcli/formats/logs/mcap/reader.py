@@ -13,13 +13,14 @@ from typing import Any
 from mapcli.errors import DataError
 from mapcli.formats.logs.log import Log, Source, describe_mount
 from mapcli.formats.logs.mcap.container import McapFile
+from mapcli.formats.logs.mcap.losses import LOST_SCANS
 from mapcli.formats.logs.one_recording import Spans
 from mapcli.formats.logs.ros import decode as decode
 from mapcli.formats.logs.ros.decode import LaserScan, Transform
 from mapcli.formats.logs.ros.laser_scan import range_scan
 from mapcli.formats.logs.ros.robot import Robot, TfOdometry, find_robot
-from mapcli.model.log import Damage, Delay, LogOptions, Loss, Role, Topic
-from mapcli.model.scan import LATEST_STAMP_S, NANOSECONDS, Mount, Odometry, RangeScan, Record
+from mapcli.model.log import Damage, Delay, Entry, LogOptions, MissedScans, Role, Topic
+from mapcli.model.scan import LATEST_STAMP_S, NANOSECONDS, Mount, Odometry, RangeScan
 
 ROLES: dict[str, Role] = {
     "LaserScan": "scan",
@@ -44,7 +45,7 @@ DECODERS: dict[tuple[Role, str], Callable[[Any], Any]] = {
 }
 
 Decoded = tuple[int, Topic, Any, int]
-"""Log time, topic, message, number of the file."""
+"""Log time, topic, message or missed scans, number of the file."""
 
 
 class McapLog(Log):
@@ -98,7 +99,8 @@ class McapLog(Log):
     def _first(self, topic: Topic, attribute: str) -> str:
         """A frame's name in the first message of the topic."""
         for _, _, message, _ in self._messages([topic], Damage()):
-            return str(getattr(message, attribute))
+            if not isinstance(message, MissedScans):
+                return str(getattr(message, attribute))
         return ""
 
     def _transforms(self, role: Role) -> Iterator[Transform]:
@@ -120,15 +122,19 @@ class McapLog(Log):
             if carrier is file
         }
         scans = {number for number, (topic, _) in carried.items() if topic.role == "scan"}
-        for log_time, number, data in file.messages(set(carried), damage, scans):
+        for log_time, number, data, lost in file.messages(set(carried), damage, scans):
             topic, decoder = carried[number]
+            if lost:
+                yield log_time, topic, MissedScans(LOST_SCANS, lost=True, count=lost), part
+                continue
             try:
                 yield log_time, topic, decoder(data), part
             except ValueError:
                 where = f"at {log_time / NANOSECONDS:.3f} s"
                 what = f"messages on {topic.name} without readable content"
-                loss = Loss.LOST_SCAN if topic.role == "scan" else Loss.OTHER
-                damage.add(what, loss=loss, file=file.source.name, where=where)
+                damage.add(what, file=file.source.name, where=where)
+                if topic.role == "scan":
+                    yield log_time, topic, MissedScans(what, lost=True), part
 
     def _part_spans(self) -> list[Spans]:
         wanted = [self.require_scan_topic(), *filter(None, [self.find_odom_topic()])]
@@ -142,7 +148,7 @@ class McapLog(Log):
             for file in self._files
         ]
 
-    def _records(self) -> Iterator[Record]:
+    def _records(self) -> Iterator[Entry]:
         for what, times in self._structure.counts.items():
             self.damage.add(what, times, where=self._structure.first.get(what))
         if not all(file.complete for file in self._files):
@@ -155,36 +161,39 @@ class McapLog(Log):
         wanted = [scan, *filter(None, [odom])]
         for log_time, topic, message, part in self._messages(wanted, self.damage):
             self.part = part
+            if isinstance(message, MissedScans):
+                yield message
+                continue
             if transforms is not None and topic is odom:
                 message = transforms.follow(message)
                 if message is None:
                     continue
             stamp = self._stamp(message.stamp_ns, log_time, topic)
-            if stamp is None:
+            if not 0 <= stamp < LATEST_STAMP_S * NANOSECONDS:
+                missed = self._impossible(stamp, topic)
+                if topic is scan:
+                    yield missed
                 continue
+            self.delays[topic.name].add(log_time - stamp)
             if topic is not scan:
                 yield Odometry(stamp, message.pose)
                 continue
             if message.frame not in mounts:
                 mounts[message.frame] = self._mount(robot, message.frame, topic)
-            if record := self._scan(message, stamp, mounts[message.frame], topic):
-                yield record
+            yield self._scan(message, stamp, mounts[message.frame], topic)
 
-    def _stamp(self, stamp_ns: int, log_time_ns: int, topic: Topic) -> int | None:
-        """The stamp to use, nanoseconds, by `options.time_source`; None if it is impossible."""
+    def _stamp(self, stamp_ns: int, log_time_ns: int, topic: Topic) -> int:
+        """The stamp to use, nanoseconds, by `options.time_source`; it may be impossible."""
         if self.options.time_source == "log":
-            stamp_ns = log_time_ns
-        elif stamp_ns == 0:
-            stamp_ns = log_time_ns
-            if log_time_ns:
-                self.note(f"{topic.name}: stamps of 0, the time of recording is used")
-        if 0 <= stamp_ns < LATEST_STAMP_S * NANOSECONDS:
-            self.delays[topic.name].add(log_time_ns - stamp_ns)
-            return stamp_ns
+            return log_time_ns
+        if stamp_ns == 0 and log_time_ns:
+            self.note(f"{topic.name}: stamps of 0, the time of recording is used")
+        return stamp_ns or log_time_ns
+
+    def _impossible(self, stamp_ns: int, topic: Topic) -> MissedScans:
         what = f"messages on {topic.name} with an impossible stamp, dropped"
         where = f"at {stamp_ns / NANOSECONDS:g} s"
-        self.damage.add(what, loss=_loss(topic), file=self.sources[0].name, where=where)
-        return None
+        return self._missed_scan(what, self.sources[0].name, where)
 
     def _mount(self, robot: Robot, frame: str, topic: Topic) -> Mount:
         if self.laser_pose is not None:
@@ -201,19 +210,17 @@ class McapLog(Log):
             self.note(describe_mount(topic.name, mount))
         return mount
 
-    def _scan(self, message: LaserScan, stamp: int, mount: Mount, topic: Topic) -> RangeScan | None:
+    def _scan(
+        self, message: LaserScan, stamp: int, mount: Mount, topic: Topic
+    ) -> RangeScan | MissedScans:
         record = range_scan(
             message, stamp, mount, self.beams, lambda text: self.note(f"{topic.name}: {text}")
         )
-        if record is None:
-            kind = "angles" if len(message.ranges) else "beams"
-            self.damage.add(
-                f"scans without {kind}, skipped",
-                loss=Loss.SCAN,
-                file=self.sources[0].name,
-                where=f"at {stamp / NANOSECONDS:.3f} s",
-            )
-        return record
+        if record is not None:
+            return record
+        what = f"scans without {'angles' if len(message.ranges) else 'beams'}, skipped"
+        where = f"at {stamp / NANOSECONDS:.3f} s"
+        return self._missed_scan(what, self.sources[0].name, where, stamp_ns=stamp)
 
 
 def topics_of(files: Sequence[McapFile]) -> dict[Topic, list[tuple[McapFile, int]]]:
@@ -262,8 +269,3 @@ def _role_of_json(file: McapFile, number: int) -> Role:
             break
         return next((role for key, role in JSON_KEYS.items() if key in keys), "other")
     return "other"
-
-
-def _loss(topic: Topic) -> Loss:
-    """What a message that cannot be used costs; only chosen topics are read."""
-    return Loss.SCAN if topic.role == "scan" else Loss.OTHER

@@ -10,7 +10,7 @@ per chunk.
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from typing import BinaryIO
 
 import numpy as np
@@ -41,7 +41,7 @@ class Layout:
         schemas, channels: by id, those outside chunks.
         spans: channel -> first and last log time, as far as told without unpacking.
         indexed: whether indexes of messages belong to the last segment.
-        gaps: whether there are bytes of which it is not known what they were.
+        gaps: offsets of bytes of which it is not known what they were.
     """
 
     def __init__(self) -> None:
@@ -50,7 +50,7 @@ class Layout:
         self.channels: dict[int, Channel] = {}
         self.spans: dict[int, tuple[int, int]] = {}
         self.indexed = False
-        self.gaps = False
+        self.gaps: list[int] = []
 
     def count(self, channel: int, messages: int, first: int, last: int) -> None:
         """Messages of a channel in the last segment, and their first and last log time."""
@@ -78,15 +78,18 @@ def walk(
     known = ChainMap(layout.channels, dict(described))
     for place in places(file, 8, end, known, finished=finished):
         if place.opcode == 0 or (finished and not place.complete):
-            layout.gaps, layout.indexed = True, False
+            layout.gaps.append(place.offset)
+            layout.indexed = False
             damage.add("gaps of unreadable bytes, skipped", file=name, where=_byte(place))
+        elif place.opcode == Opcode.MESSAGE and not place.whole:
+            damage.add("messages with a broken head, used", file=name, where=_byte(place))
         elif not place.whole:
             damage.add("chunks with a broken head or end", file=name, where=_byte(place))
         if not place.complete:
             if place.opcode == Opcode.CHUNK:
                 _add_chunk(layout, file, place, finished)
-        elif place.opcode and not _add(layout, file, place):
-            layout.gaps = True
+        elif place.opcode and not _add(layout, file, place, known):
+            layout.gaps.append(place.offset)
             damage.add("records of nonsense, skipped", file=name, where=_byte(place))
     return layout
 
@@ -95,15 +98,19 @@ def _byte(place: Place) -> str:
     return f"byte {place.offset}"
 
 
-def _add(layout: Layout, file: BinaryIO, place: Place) -> bool:
-    """Take a record into the layout; False if its content is not what its opcode says."""
+def _add(layout: Layout, file: BinaryIO, place: Place, known: Container[int]) -> bool:
+    """Take a record into the layout; False if its content is not what its opcode says.
+
+    Args:
+        known: channels; a message of another one is nonsense.
+    """
     if place.opcode == Opcode.CHUNK:
         return _add_chunk(layout, file, place, finished=True)
     if place.opcode == Opcode.MESSAGE_INDEX:
         return _add_index(layout, file, place)
     if place.opcode == Opcode.MESSAGE:
-        _add_message(layout, file, place)
-    elif place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+        return _add_message(layout, file, place, known)
+    if place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
         file.seek(place.offset + RECORD.size)
         content = file.read(place.end - place.offset - RECORD.size)
         return add_description(layout.schemas, layout.channels, place.opcode, content)
@@ -135,9 +142,11 @@ def _add_index(layout: Layout, file: BinaryIO, place: Place) -> bool:
     return True
 
 
-def _add_message(layout: Layout, file: BinaryIO, place: Place) -> None:
+def _add_message(layout: Layout, file: BinaryIO, place: Place, known: Container[int]) -> bool:
     file.seek(place.offset + RECORD.size)
     channel, _, log_time, _ = MESSAGE.unpack(file.read(MESSAGE.size))
+    if channel not in known:
+        return False
     last = layout.segments[-1] if layout.segments else None
     if (
         last is not None
@@ -150,3 +159,4 @@ def _add_message(layout: Layout, file: BinaryIO, place: Place) -> None:
         layout.segments.append(Segment(place.offset, place.end, log_time, log_time, False))
         layout.indexed = False
     layout.count(channel, 1, log_time, log_time)
+    return True

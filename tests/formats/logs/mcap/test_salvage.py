@@ -52,7 +52,7 @@ def read(folder: Path, data: bytes) -> tuple[list[int], Log]:
 
 def accounted(log: Log) -> int:
     """Scans that were read, and those that are said to be lost."""
-    return log.damage.scans_read + sum(log.damage.unusable_scans().values())
+    return log.damage.scans_read + sum(log.damage.missed.values())
 
 
 def records_of(data: bytes, opcode: Opcode) -> list[tuple[int, int]]:
@@ -121,7 +121,7 @@ def test_the_readable_start_of_a_damaged_chunk_is_used(tmp_path: Path, name: str
     assert stamps == cut
     assert len(cut) > 60
     lost = SCANS - len(cut)
-    assert log.damage.unusable_scans() == {"scans lost in damaged parts of the file": lost}
+    assert log.damage.missed == {"scans lost in damaged parts of the file": lost}
     assert log.damage.lost_share == lost / SCANS
 
 
