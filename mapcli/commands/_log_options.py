@@ -94,6 +94,20 @@ OPTIONS = (
         show_default=True,
         help="Use the stamps in the messages, or the times they were recorded at.",
     ),
+    click.option(
+        "--range-unit",
+        type=click.Choice(("m", "cm", "mm")),
+        default=DEFAULTS.range_unit,
+        show_default=True,
+        help="The unit of the scans' readings.",
+    ),
+    click.option(
+        "--angle-unit",
+        type=click.Choice(("rad", "deg")),
+        default=DEFAULTS.angle_unit,
+        show_default=True,
+        help="The unit of the scans' angles.",
+    ),
     click.option("--start", type=NOT_NEGATIVE, metavar="S", help="Leave out the first S seconds."),
     click.option(
         "--end", type=NOT_NEGATIVE, metavar="S", help="Stop S seconds after the log's start."
@@ -131,13 +145,24 @@ def log_input_options(command: Command) -> Command:
         start: float | None,
         end: float | None,
         every: int,
+        range_unit: Any,
+        angle_unit: Any,
         strict: bool,
         one_recording: bool,
         **rest: Any,
     ) -> Any:
         if start is not None and end is not None and end < start:
             raise click.UsageError("--end is before --start.")
-        options = LogOptions(scan_topic, odom_topic, laser_pose, time_source, strict, one_recording)
+        options = LogOptions(
+            scan_topic=scan_topic,
+            odom_topic=odom_topic,
+            laser_pose=laser_pose,
+            time_source=time_source,
+            strict=strict,
+            one_recording=one_recording,
+            range_unit=range_unit,
+            angle_unit=angle_unit,
+        )
         return command(*args, log_input=LogInput(options, start, end, every), **rest)
 
     for option in reversed(OPTIONS):

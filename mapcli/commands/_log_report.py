@@ -8,11 +8,13 @@ from dataclasses import asdict
 from typing import Any
 
 from mapcli.algorithms.evaluation.log_check import LogCheck, Timing, check_log
+from mapcli.algorithms.evaluation.log_reasons import log_reasons
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.documents.json_document import document
 from mapcli.formats.logs.open_log import Log, open_log
 from mapcli.model.counting import counted
 from mapcli.model.log import LogOptions, Topic
+from mapcli.model.reason import Reason
 from mapcli.model.scan import Mount, RangeScan, Record
 
 DELAY_S = 1.0
@@ -67,8 +69,15 @@ def describe(log: Log) -> dict[str, Any]:
         },
         "damage": dict(log.damage.counts),
         "notes": list(log.notes),
+        "reasons": [reason.document() for reason in _reasons(log, check) if used],
         "warnings": [*trouble, *log.damage.lines(), *(_warnings(log, check) if used else ())],
     }
+
+
+def _reasons(log: Log, check: LogCheck) -> tuple[Reason, ...]:
+    """What the log is described wrongly in."""
+    duration_s = (check.scans.last_ns - check.scans.first_ns) * 1e-9
+    return log_reasons(log.units, check.mount, duration_s)
 
 
 def _noting_mounts(records: Iterable[Record], mounts: dict[Mount, None]) -> Iterator[Record]:
@@ -137,6 +146,7 @@ def _warnings(log: Log, check: LogCheck) -> Iterator[str]:
     for found in log.breaks:
         at_s = (found.before_ns - check.start_ns) * 1e-9
         yield f"after {at_s:.1f} s {found.what}: another recording, slam-replay refuses it"
+    yield from (reason.line() for reason in _reasons(log, check))
     for name, timing in (("scans", check.scans), ("odometry", check.odometry)):
         if timing.gaps:
             yield (

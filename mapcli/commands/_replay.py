@@ -7,6 +7,7 @@ from collections.abc import Container, Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
+from mapcli.algorithms.evaluation.log_reasons import log_reasons
 from mapcli.algorithms.slam.replay import Replayed, ReplayRun
 from mapcli.algorithms.slam.slam import Slam
 from mapcli.commands._log_options import LogInput
@@ -43,7 +44,9 @@ def replay_log(
         error.file = error.file or log.name
         raise
     replayed = run.result(log.damage)
-    summary = replace(replayed.summary, seconds=time.perf_counter() - started)
+    summary = replayed.summary
+    reasons = log_reasons(log.units, run.mount.finding(), summary.duration_s)
+    summary = replace(summary, reasons=reasons, seconds=time.perf_counter() - started)
     return replace(replayed, summary=summary), run
 
 

@@ -173,6 +173,8 @@ def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> Non
     skipped = ", ".join(counted(times, reason) for reason, times in summary.skipped.items())
     score = "none" if summary.mean_score is None else f"{summary.mean_score:.2f}"
     failed = summary.odometry_faults
+    if any(reason.kind in ("laser_mirrored", "laser_turned") for reason in summary.reasons):
+        failed = 0  # not the wheels did, but the laser looks the other way
     faults = f"; wheels that failed, at {counted(failed, 'scans')}" if failed else ""
     if summary.odometry_catch_ups:
         faults += f"; stood still and caught up, {summary.odometry_catch_ups:,} times"

@@ -42,6 +42,7 @@ class LogOptions:
         laser_pose: overrides the mount that the log tells.
         time_source: `header` uses the stamp inside a message, `log` the time it was recorded at.
         strict: refuse a damaged log instead of using what can be read.
+        range_unit, angle_unit: of the readings and the angles of scans.
         one_recording: read what seems to be several recordings as one, instead of refusing it.
     """
 
@@ -51,6 +52,8 @@ class LogOptions:
     time_source: Literal["header", "log"] = "header"
     strict: bool = False
     one_recording: bool = False
+    range_unit: Literal["m", "cm", "mm"] = "m"
+    angle_unit: Literal["rad", "deg"] = "rad"
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,6 +170,25 @@ class BeamCounts:
     no_return: int = 0
     too_close: int = 0
     invalid: int = 0
+
+
+@dataclass
+class UnitCounts:
+    """What the scans read so far say about their units (mutable).
+
+    Attributes:
+        scans: all; sampled: of these were looked at.
+        too_far: sampled scans with readings that no laser makes, in metres; middle: the middle
+            reading of the last of them.
+        turning: sampled scans with angles beyond full turns, in radians; turns: of the last one.
+    """
+
+    scans: int = 0
+    sampled: int = 0
+    too_far: int = 0
+    middle: float = 0.0
+    turning: int = 0
+    turns: float = 0.0
 
 
 @dataclass

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mapcli.errors import DataError, QualityError
+from mapcli.model.reason import Reason
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,7 @@ class ReplaySummary:
         lost_share: share of the scans asked for that were lost to damage, as far as the log tells
             how many it held.
         interrupted: the replay was stopped early; the result is of the part before.
+        reasons: what makes the result doubtful.
         seconds: what the replay took; left out of files, which must not depend on the machine.
     """
 
@@ -50,6 +52,7 @@ class ReplaySummary:
     damage: Mapping[str, int]
     interrupted: bool
     lost_share: float = field(default=0.0)
+    reasons: tuple[Reason, ...] = ()
     seconds: float = field(default=0.0)
 
     @property
@@ -80,6 +83,7 @@ class ReplaySummary:
             "odometry_catch_ups": self.odometry_catch_ups,
             "damage": dict(self.damage),
             "interrupted": self.interrupted,
+            "reasons": [reason.document() for reason in self.reasons],
         }
 
     def numbers(self) -> dict[str, float]:

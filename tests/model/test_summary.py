@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from mapcli.errors import DataError, QualityError
+from mapcli.model.reason import Reason
 from mapcli.model.summary import LIMIT_FIELDS, Limit, ReplaySummary
 
 SUMMARY = ReplaySummary(
@@ -24,6 +25,7 @@ SUMMARY = ReplaySummary(
     odometry_catch_ups=4,
     damage={"scans without beams, skipped": 2, "files cut short": 1},
     interrupted=False,
+    reasons=(Reason("range_unit", 0.0, 59.9, "far", "--less"),),
     lost_share=0.125,
     seconds=1.5,
 )
@@ -47,6 +49,9 @@ def test_the_document_literally() -> None:
         "odometry_catch_ups": 4,
         "damage": {"scans without beams, skipped": 2, "files cut short": 1},
         "interrupted": False,
+        "reasons": [
+            {"kind": "range_unit", "from_s": 0.0, "to_s": 59.9, "text": "far", "try": "--less"}
+        ],
     }
 
 

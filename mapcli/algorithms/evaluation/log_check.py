@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapcli.algorithms.scans.mount_check import MountCheck, MountFinding
+from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.model.pose import wrap_angle
 from mapcli.model.scan import Odometry, RangeScan, Record
 
@@ -61,6 +63,7 @@ class LogCheck:
         scans_outside_odometry: scans before the first or after the last odometry.
         distance_m: length of the path by odometry, without jumps.
         turned_rad: sum of all turns by odometry, without jumps.
+        mount: where the laser sits, if not where the log says.
         jumps: steps of the odometry faster than any robot that maps floor plans.
         first_jump_at_s: when, counted from the first record; None without jumps.
     """
@@ -76,6 +79,7 @@ class LogCheck:
     scans_outside_odometry: int
     distance_m: float
     turned_rad: float
+    mount: MountFinding | None
     jumps: int
     first_jump_at_s: float | None
 
@@ -93,8 +97,15 @@ class _LogFacts:
         self.repeated = self.jumps = 0
         self.distance = self.turned = 0.0
         self.first_jump_at_s: float | None = None
+        self.mount = MountCheck()
         self._last_scan: RangeScan | None = None
         self._last_odometry: Odometry | None = None
+
+    def added(self, records: Iterable[Record]) -> Iterator[Record]:
+        """The records, gathering their facts."""
+        for record in records:
+            self.add(record)
+            yield record
 
     def add(self, record: Record) -> None:
         self.start = record.stamp_ns if self.start is None else self.start
@@ -153,6 +164,7 @@ class _LogFacts:
             outside,
             self.distance,
             self.turned,
+            self.mount.finding(),
             self.jumps,
             self.first_jump_at_s,
         )
@@ -165,8 +177,8 @@ def check_log(records: Iterable[Record]) -> LogCheck:
         records: in stamp order; read once, never held.
     """
     facts = _LogFacts()
-    for record in records:
-        facts.add(record)
+    for _ in facts.mount.watched(odometry_at_scans(facts.added(records))):
+        pass
     return facts.result()
 
 

@@ -6,6 +6,8 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+from mapcli.algorithms.scans.mount_check import MountCheck
+from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.slam.back_end import BackEndResult
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
@@ -75,6 +77,7 @@ class ReplayRun:
             improve.
         interrupted: it was stopped early; stopped_by: the signal, if it was one.
         kept: the scans whose numbers are in `keep`.
+        mount: whether the laser sits where the log says.
     """
 
     def __init__(self, slam: Slam, keep: Container[int] = ()) -> None:
@@ -84,13 +87,15 @@ class ReplayRun:
         self.interrupted = False
         self.stopped_by: KeyboardInterrupt | None = None
         self.kept: dict[int, RangeScan] = {}
+        self.mount = MountCheck()
         self._keep, self._scans_read = keep, 0
 
     def track(self, records: Iterable[Record]) -> Iterator[TracedPose]:
         """Every scan with its pose, as the log goes on."""
-        for pose in self.slam.replay(self._noted(records)):
-            self.poses.append(pose)
-            yield pose
+        scans = odometry_at_scans(self._noted(records))
+        for scan, odom in self.mount.watched(scans):
+            self.poses.append(self.slam.step(scan, odom))
+            yield self.poses[-1]
 
     def _noted(self, records: Iterable[Record]) -> Iterator[Record]:
         """The records; scans are counted, and kept if they are to be."""

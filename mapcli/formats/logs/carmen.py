@@ -25,10 +25,12 @@ from mapcli.formats.logs.carmen_lines import (
     message_name,
     scans_in,
 )
-from mapcli.formats.logs.log import Log, Source, describe_mount
+from mapcli.formats.logs.log import Log, Source
 from mapcli.formats.logs.missed_scans import with_stamps
+from mapcli.formats.logs.mounts import describe_mount
 from mapcli.formats.logs.one_recording import Spans
 from mapcli.formats.logs.rep117 import rep117, single
+from mapcli.formats.logs.units import count_units, in_metres_and_radians
 from mapcli.model.log import Damage, Entry, LogOptions, MissedScans, Topic
 from mapcli.model.pose import Pose2D, rounded_angle, wrap_angle
 from mapcli.model.scan import Mount, Odometry, RangeScan
@@ -192,6 +194,7 @@ class CarmenLog(Log):
                 yield self._missed_scan(what, source.name, where, stamp_ns=message.stamp_ns)
 
     def _scan(self, message: LaserMessage, mount: Mount) -> RangeScan:
+        count_units(message.ranges, message.angle_increment, self.units)
         limit = single(_no_return(message.max_range))
         return RangeScan(
             message.stamp_ns,
@@ -238,7 +241,10 @@ class CarmenLog(Log):
     def _parse(self, name: str, line: bytes) -> LaserMessage | Odometry | None:
         """The message on a line; None where it is malformed."""
         try:
-            return PARSERS[name](line.split(), self.options.time_source == "log")
+            message = PARSERS[name](line.split(), self.options.time_source == "log")
+            if isinstance(message, LaserMessage):
+                return in_metres_and_radians(message, self.options)
+            return message
         except (ValueError, IndexError, ArithmeticError):
             return None
 

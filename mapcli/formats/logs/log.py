@@ -3,25 +3,33 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.logs.continuity import Break, Continuity
 from mapcli.formats.logs.missed_scans import with_stamps
+from mapcli.formats.logs.mounts import rounded_mount
 from mapcli.formats.logs.no_return import NoReturnFilter
 from mapcli.formats.logs.one_recording import Part, Spans, refuse_breaks, refuse_overlap
 from mapcli.formats.logs.topics import choose_odom_topic, choose_scan_topic
 from mapcli.model.counting import counted
-from mapcli.model.log import BeamCounts, Damage, Delay, Entry, LogOptions, MissedScans, Topic
-from mapcli.model.pose import rounded_angle
-from mapcli.model.scan import Mount, Odometry, RangeScan, Record
+from mapcli.model.log import (
+    BeamCounts,
+    Damage,
+    Delay,
+    Entry,
+    LogOptions,
+    MissedScans,
+    Topic,
+    UnitCounts,
+)
+from mapcli.model.scan import Odometry, RangeScan, Record
 from mapcli.model.selection import select
 
 REORDER_RECORDS = 2000
@@ -64,7 +72,8 @@ class Log(ABC):
         name: the first input's file name.
         damage: what was wrong, counted.
         notes: what the user should know about how the log is understood.
-        beams: what became of the beams of the scans yielded so far.
+        beams: what became of the beams of the scans yielded so far; units: what these scans say
+            about their units.
         disordered: scans and odometry records that came after one of a later stamp.
         delays: topic -> how much later than stamped its messages were recorded.
         part: number of the file of the last record, in the order of recording.
@@ -79,7 +88,7 @@ class Log(ABC):
         self.name = Path(sources[0].name).name or sources[0].name
         self.damage: Damage = StrictDamage() if options.strict else Damage()
         self.notes: list[str] = []
-        self.beams = BeamCounts()
+        self.beams, self.units = BeamCounts(), UnitCounts()
         self.disordered = 0
         self.delays: dict[str, Delay] = {}
         self.part, self._start_ns = 0, 0
@@ -191,7 +200,8 @@ class Log(ABC):
 
     def _all_records(self) -> Iterator[Entry]:
         self.damage.clear()
-        self.beams, self.disordered, self.delays = BeamCounts(), 0, {}
+        self.beams, self.units = BeamCounts(), UnitCounts()
+        self.disordered, self.delays = 0, {}
         self.require_scan_topic()
         if self.find_odom_topic() is None:
             self.note("no odometry: poses come from matching scans alone")
@@ -277,21 +287,6 @@ class _InOrder(deque[Entry]):
 
 
 _stamp_ns = attrgetter("stamp_ns")
-
-
-def rounded_mount(mount: Mount) -> Mount:
-    """The mount with its yaw rounded as all angles of logs are (`rounded_angle`)."""
-    return Mount(replace(mount.pose, theta=rounded_angle(mount.pose.theta)), mount.flipped)
-
-
-def describe_mount(topic: str, mount: Mount) -> str:
-    """Where the laser sits, for a person."""
-    pose = mount.pose
-    flipped = "upside down, " if mount.flipped else ""
-    return (
-        f"laser {topic}: mounted {flipped}at x {pose.x:.3f} m, y {pose.y:.3f} m, "
-        f"yaw {math.degrees(pose.theta):.1f} deg"
-    )
 
 
 def _plural(record: Record) -> str:

@@ -11,14 +11,16 @@ from operator import itemgetter
 from typing import Any
 
 from mapcli.errors import DataError
-from mapcli.formats.logs.log import Log, Source, describe_mount
+from mapcli.formats.logs.log import Log, Source
 from mapcli.formats.logs.mcap.container import McapFile
 from mapcli.formats.logs.mcap.losses import LOST_SCANS
+from mapcli.formats.logs.mounts import describe_mount
 from mapcli.formats.logs.one_recording import Spans
 from mapcli.formats.logs.ros import decode as decode
 from mapcli.formats.logs.ros.decode import LaserScan, Transform
 from mapcli.formats.logs.ros.laser_scan import range_scan
 from mapcli.formats.logs.ros.robot import Robot, TfOdometry, find_robot
+from mapcli.formats.logs.units import count_units, in_metres_and_radians
 from mapcli.model.log import Damage, Delay, Entry, LogOptions, MissedScans, Role, Topic
 from mapcli.model.scan import LATEST_STAMP_S, NANOSECONDS, Mount, Odometry, RangeScan
 
@@ -213,6 +215,8 @@ class McapLog(Log):
     def _scan(
         self, message: LaserScan, stamp: int, mount: Mount, topic: Topic
     ) -> RangeScan | MissedScans:
+        message = in_metres_and_radians(message, self.options)
+        count_units(message.ranges, message.angle_increment, self.units)
         record = range_scan(
             message, stamp, mount, self.beams, lambda text: self.note(f"{topic.name}: {text}")
         )

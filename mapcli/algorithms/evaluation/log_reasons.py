@@ -1,0 +1,61 @@
+"""A log that is described wrongly, all along: its laser's mount, the units of its scans."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from mapcli.algorithms.scans.mount_check import MountFinding
+from mapcli.model.log import UnitCounts
+from mapcli.model.reason import Reason
+from mapcli.model.scan import Mount
+
+
+def log_reasons(
+    units: UnitCounts, mount: MountFinding | None, duration_s: float
+) -> tuple[Reason, ...]:
+    """What is wrong with a log's description, and the option that mends it.
+
+    Args:
+        units: what the scans say; mount: what `MountCheck` found.
+        duration_s: of the log, from its first to its last scan.
+    """
+    return (*_units(units, duration_s), *_mount(mount, duration_s))
+
+
+def _units(units: UnitCounts, duration_s: float) -> Iterator[Reason]:
+    if 2 * units.turning > units.sampled:
+        text = f"a scan's angles make {units.turns:,.0f} full turns: they look like degrees"
+        yield Reason("angle_unit", 0.0, duration_s, text, "--angle-unit deg")
+    if 2 * units.too_far > units.sampled:
+        text = f"readings of {units.middle:,.0f} m in the middle: they look like millimetres"
+        yield Reason("range_unit", 0.0, duration_s, text, "--range-unit mm")
+
+
+def _mount(found: MountFinding | None, duration_s: float) -> Iterator[Reason]:
+    if found is None:
+        return
+    option = laser_pose_option(found.right)
+    turn_deg = math.degrees(found.turn)
+    if found.mirrored:
+        text = "scans turn the other way than the wheels: the laser is mirrored"
+        if turn_deg:
+            text += f", and {_where(turn_deg)}"
+        yield Reason("laser_mirrored", 0.0, duration_s, text, option)
+    else:
+        text = f"scans move another way than the wheels: the laser is {_where(turn_deg)}"
+        yield Reason("laser_turned", 0.0, duration_s, text, option)
+
+
+def _where(turn_deg: float) -> str:
+    if abs(turn_deg) == 180:
+        return "mounted backwards"
+    return f"mounted {abs(turn_deg):g} deg to the {'left' if turn_deg > 0 else 'right'}"
+
+
+def laser_pose_option(mount: Mount) -> str:
+    """The option that says where a laser is mounted."""
+    pose, flip = mount.pose, ",flip" if mount.flipped else ""
+    numbers = pose.x, pose.y, math.degrees(pose.theta)
+    x, y, yaw = (f"{round(number, 4) + 0.0:g}" for number in numbers)
+    return f"--laser-pose {x},{y},{'180' if yaw == '-180' else yaw}{flip}"
