@@ -103,7 +103,7 @@ COMMANDS = (
     Reader("similarity-table of a perception", ".yaml", PERCEPTIONS, text_grammars.perception,
            command("similarity-table BESIDE/corner.txt IN")),
     Reader("similarity-table in a map", "", MAPS, any_map,
-           command("similarity-table IN BESIDE/corner-scan.yaml")),
+           command("similarity-table IN BESIDE/scan.yaml")),
     Reader("similarity-table of landmarks", ".yaml", PERCEPTIONS, text_grammars.perception,
            command("similarity-table BESIDE/landmarks-map.yaml IN")),
     Reader("perceive", ".yaml", WORLDS, text_grammars.world,

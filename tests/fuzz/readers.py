@@ -136,16 +136,21 @@ IMAGE = (
     b"image: %b\nmode: trinary\nresolution: 0.05\norigin: [-1, 2.5, 0.1]\nnegate: 0\n"
     b"occupied_thresh: 0.65\nfree_thresh: 0.196\n"
 )
+SCAN = (
+    b"kind: scan\npose: {cell: [3, 6], heading_deg: 90}\nrange_max: 5\nno_return: clear\n"
+    b"walls: thick\nlaser: {x: 0.2, y: 0, theta_deg: 0}\nsteps: 1\nturns_deg: [0, -15, 15]\n"
+    b"beams: [[-15, 3.2], [0, null], [15, 4.5]]\n"
+)
 COMPANIONS = {
     "map.pgm": PGMS[0],
     "map.png": PNGS[1],
     "damaged.pgm": PGMS[0][:-3],
     "damaged.png": PNGS[1][:-30],
+    "scan.yaml": SCAN.replace(b"[3, 6]", b"[0, 0]"),
     **{
         name: fixture(name)
         for name in (
             "corner.txt",
-            "corner-scan.yaml",
             "landmarks-map.yaml",
             "fig9_10.txt",
             "corridor.yaml",
@@ -173,11 +178,6 @@ WORLDS = (
     fixture("landmarks-map.yaml"),
     b"y: down\npolygons:\n  - &p [[0, 0], [4, 0], [4, 0.1]]\n  - *p\npoints: [[2, 2]]\n",
     CELLS[0],
-)
-SCAN = (
-    b"kind: scan\npose: {cell: [3, 6], heading_deg: 90}\nrange_max: 5\nno_return: clear\n"
-    b"walls: thick\nlaser: {x: 0.2, y: 0, theta_deg: 0}\nsteps: 1\nturns_deg: [0, -15, 15]\n"
-    b"beams: [[-15, 3.2], [0, null], [15, 4.5]]\n"
 )
 PERCEPTIONS = (
     SCAN,

@@ -88,7 +88,7 @@ IMAGE_KEYS = (
 
 def mapping(random: Random, keys: Sequence[str]) -> bytes:
     """A YAML mapping with most of the keys, and now and then another one or one twice."""
-    chosen = [key for key in keys if random.random() > ODD]
+    chosen = [key for key in keys if random.random() > ODD / 2]
     if random.random() < ODD:
         chosen.append(random.choice(tuple(KEYS)))
     lines = [key.encode() + b": " + _value(random, key) for key in chosen]
@@ -97,12 +97,12 @@ def mapping(random: Random, keys: Sequence[str]) -> bytes:
 
 def _value(random: Random, key: str) -> bytes:
     usual = KEYS[key]
-    value = usual[0] if random.random() < 0.7 else random.choice(usual)
+    value = usual[0] if random.random() < 0.9 else random.choice(usual)
     data = value.encode()
     kind = random.random()
-    if kind < ODD:
+    if kind < ODD / 2:
         return random.choice(NUMBERS + WORDS)
-    return mutate(data, random) if kind < 2 * ODD else data
+    return mutate(data, random) if kind < ODD else data
 
 
 def image_yaml(random: Random) -> bytes:
@@ -123,14 +123,21 @@ def world(random: Random) -> bytes:
 
 
 def perception(random: Random) -> bytes:
+    """Of one kind, with the candidates of that kind."""
     kind = random.choice(KEYS["kind"])
-    keys = {
+    keys: Sequence[str] = {
         "scan": ("pose", "range_max", "beams", "no_return", "walls", "laser", "steps", "turns_deg"),
         "landmarks": ("pose", "measured", "steps", "turns_deg"),
         "grids": ("candidates", "cells", "corner", "pose", "steps"),
         "database": ("of", "range_max", "step", "candidates"),
     }[kind]
-    return f"kind: {kind}\n".encode() + mapping(random, keys)
+    head = f"kind: {kind}\n".encode()
+    if kind == "database" and random.random() < 0.8:
+        of, readings = random.choice((("landmarks", KEYS["candidates"][2]),
+                                      ("scan", KEYS["candidates"][3])))  # fmt: skip
+        head += f"of: {of}\ncandidates: {readings}\n".encode()
+        keys = [key for key in keys if key not in ("of", "candidates")]
+    return head + mapping(random, keys)
 
 
 def waypoints(random: Random) -> bytes:

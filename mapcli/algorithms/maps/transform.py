@@ -26,6 +26,11 @@ Side = Literal["left-right", "up-down"]
 MAX_CELLS = 1_000_000_000
 """Of a map that an operation would make."""
 
+MOST_JOINT_CELLS, MOST_JOINT_SHARE = 100_000_000, 10
+"""Of two maps in one: cells, or how many times as many as they have themselves. Where even two
+squares a whole side apart need but 4.5 times as many, more are two maps that have no place in
+common, or an origin that is wrong."""
+
 _ROUNDING = 1e-6
 """Of a cell; boxes and corners that miss a grid line by less are meant to lie on it."""
 
@@ -243,15 +248,27 @@ def _without_margin(both: GridMap, grid: GridMap) -> GridMap:
 
 
 def joint_frame(grid: GridMap, other: GridMap) -> CellFrame:
-    """The cells of `grid`, going on as far as both maps reach."""
+    """The cells of `grid`, going on as far as both maps reach.
+
+    Raises:
+        DataError: the maps lie so far apart that hardly any of the cells would be theirs.
+    """
     size = grid.resolution
     x0, y0, x1, y1 = (edge / size for edge in _bounds(other, grid.origin))
     left, below = min(math.floor(x0 + _ROUNDING), 0), min(math.floor(y0 + _ROUNDING), 0)
     right = max(math.ceil(x1 - _ROUNDING), grid.columns)
     above = max(math.ceil(y1 - _ROUNDING), grid.rows)
+    rows, columns = above - below, right - left
+    theirs = grid.stored.size + other.stored.size * (other.resolution / size) ** 2
+    if rows * columns > max(MOST_JOINT_CELLS, MOST_JOINT_SHARE * theirs):
+        raise DataError(
+            f"the maps lie far apart: together they would have {rows:,} rows and {columns:,} "
+            f"columns, and cells of their own {theirs:,.0f}",
+            expected="maps of one place",
+        )
     corner = Pose2D(left * size, below * size)
     origin = grid.origin.compose(corner) if left or below else grid.origin
-    return CellFrame(origin, size, above - below, right - left)
+    return CellFrame(origin, size, rows, columns)
 
 
 def _alike(mine: NDArray[Any], yours: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:

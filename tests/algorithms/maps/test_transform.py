@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from mapcli.algorithms.maps.compare import compare
 from mapcli.algorithms.maps.registration import merge_maps, register
 from mapcli.algorithms.maps.transform import (
     CellFrame,
@@ -18,6 +19,7 @@ from mapcli.algorithms.maps.transform import (
     bake_yaw,
     crop_to_box,
     flip,
+    joint_frame,
     merge,
     move,
     resample,
@@ -260,3 +262,18 @@ def test_maps_that_do_not_fit() -> None:
 
 def test_sampling_elsewhere_is_unknown() -> None:
     assert not sampled(room(), CellFrame(Pose2D(100, 100), 1.0, 2, 2)).known.any()
+
+
+def test_maps_that_lie_far_apart() -> None:
+    """A few cells 2 km apart would be 900 million together; 400 m apart, they may be joined."""
+    here = GridMap(np.array([[0, 1]], dtype=np.float32), 0.05)
+    there = GridMap(here.cells, 0.05, Pose2D(1500, 1500))
+    for work in (merge, compare):
+        with pytest.raises(DataError, match="apart: together they would have 30,001 rows and 30,"):
+            work(here, there)
+    joined = merge(here, GridMap(here.cells, 0.05, Pose2D(100, 400)))
+    assert joined.cells.shape == (8001, 2002)
+    assert np.nansum(joined.cells) == 2
+    large = GridMap(np.zeros((4000, 4000), dtype=np.float32), 0.05)
+    frame = joint_frame(large, GridMap(large.cells, 0.05, Pose2D(500, 500)))
+    assert (frame.rows, frame.columns) == (14_000, 14_000)  # 2.5 times their diagonal away
