@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
-from mapcli.commands._options import NOT_NEGATIVE, POSE
+from mapcli.commands._options import NOT_NEGATIVE, POSE, POSITIVE
 from mapcli.commands._say import say, warn
 from mapcli.formats.logs.open_log import Log, open_log
 from mapcli.model.log import LogOptions
@@ -108,6 +108,26 @@ OPTIONS = (
         show_default=True,
         help="The unit of the scans' angles.",
     ),
+    click.option(
+        "--turn-time",
+        type=POSITIVE,
+        metavar="S",
+        help="Seconds of a full turn of a laser that spins: its beams are taken one after "
+        "another.  [default: as the log's time_increment says]",
+    ),
+    click.option(
+        "--scan-stamp",
+        type=click.Choice(("first", "middle", "last")),
+        default=DEFAULTS.scan_stamp,
+        show_default=True,
+        help="Which beam the stamp of a scan is of, where they are taken one after another.",
+    ),
+    click.option(
+        "--beam-order",
+        type=click.Choice(("forward", "backward")),
+        help="Whether the first beam of the array is taken first, or the last one.  "
+        "[default: found out]",
+    ),
     click.option("--start", type=NOT_NEGATIVE, metavar="S", help="Leave out the first S seconds."),
     click.option(
         "--end", type=NOT_NEGATIVE, metavar="S", help="Stop S seconds after the log's start."
@@ -142,6 +162,9 @@ def log_input_options(command: Command) -> Command:
         odom_topic: str | None,
         laser_pose: Mount | None,
         time_source: Any,
+        turn_time: float | None,
+        scan_stamp: Any,
+        beam_order: Any,
         start: float | None,
         end: float | None,
         every: int,
@@ -162,6 +185,9 @@ def log_input_options(command: Command) -> Command:
             one_recording=one_recording,
             range_unit=range_unit,
             angle_unit=angle_unit,
+            scan_stamp=scan_stamp,
+            turn_time=turn_time,
+            beam_order=beam_order,
         )
         return command(*args, log_input=LogInput(options, start, end, every), **rest)
 

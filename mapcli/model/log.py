@@ -7,6 +7,7 @@ from typing import Literal
 
 from mapcli.model.counting import counted
 from mapcli.model.scan import Mount, Record
+from mapcli.model.sweep import BeamOrder, ScanStamp
 
 Role = Literal["scan", "odometry", "tf", "tf_static", "other"]
 
@@ -44,6 +45,9 @@ class LogOptions:
         strict: refuse a damaged log instead of using what can be read.
         range_unit, angle_unit: of the readings and the angles of scans.
         one_recording: read what seems to be several recordings as one, instead of refusing it.
+        scan_stamp: which beam the stamp of a scan is of.
+        turn_time: seconds of a full turn of the laser; None takes the times that the log tells.
+        beam_order: in which the beams of the array are taken; None is found out.
     """
 
     scan_topic: str | None = None
@@ -54,6 +58,9 @@ class LogOptions:
     one_recording: bool = False
     range_unit: Literal["m", "cm", "mm"] = "m"
     angle_unit: Literal["rad", "deg"] = "rad"
+    scan_stamp: ScanStamp = "first"
+    turn_time: float | None = None
+    beam_order: BeamOrder | None = None
 
 
 @dataclass(frozen=True, slots=True)

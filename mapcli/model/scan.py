@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.model.pose import Pose2D
+from mapcli.model.sweep import AT_ONCE, BeamTiming, SweepMotion
 
 NANOSECONDS = 1_000_000_000
 """In a second."""
@@ -36,7 +37,7 @@ class RangeScan:
     """One turn of a range sensor.
 
     Attributes:
-        stamp_ns: time of the first beam, nanoseconds.
+        stamp_ns: the scan's time, nanoseconds: that of the first beam unless `timing` says else.
         angle_min: bearing of the first beam in the laser's frame, radians.
         angle_increment: from one beam to the next, radians; negative for clockwise sensors.
         ranges: shape (n,), float32, metres. As REP 117 has it: +inf is no return within range,
@@ -44,6 +45,8 @@ class RangeScan:
             older drivers (zero, range_max + 1) into these; algorithms see only REP 117.
         range_min, range_max: the sensor's limits, metres.
         mount: where the sensor sits on the robot.
+        timing: when the beams are taken.
+        motion: of the robot meanwhile; None is not known, and for beams taken at once.
     """
 
     stamp_ns: int
@@ -53,22 +56,42 @@ class RangeScan:
     range_min: float = 0.0
     range_max: float = float("inf")
     mount: Mount = field(default_factory=Mount)
+    timing: BeamTiming = AT_ONCE
+    motion: SweepMotion | None = None
+
+    @property
+    def first_ns(self) -> int:
+        """When the first beam is taken, nanoseconds."""
+        return self.stamp_ns - round(self.timing.before_stamp(len(self.ranges)) * NANOSECONDS)
+
+    @property
+    def last_ns(self) -> int:
+        """When the last beam is taken, nanoseconds."""
+        return self.first_ns + round(self.timing.span(len(self.ranges)) * NANOSECONDS)
+
+    def beam_seconds(self) -> NDArray[np.float64]:
+        """When each beam is taken, shape (n,), seconds after the stamp."""
+        return self.timing.after_stamp(len(self.ranges))
 
     def bearings(self) -> NDArray[np.float64]:
         """Bearing of each beam in the laser's frame seen from above, shape (n,), radians."""
         return _bearings(len(self.ranges), self.angle_min, self.angle_increment, self.mount.flipped)
 
-    def points(self, nearest: float = -np.inf, farthest: float = np.inf) -> NDArray[np.float64]:
-        """Ends of the beams that hit something between two ranges, shape (k, 2), in the robot's
-        frame, metres."""
+    def hits(self, nearest: float = -np.inf, farthest: float = np.inf) -> NDArray[np.int64]:
+        """Numbers of the beams that hit something between two ranges, ascending."""
         hit = np.isfinite(self.ranges) & (self.ranges >= nearest) & (self.ranges <= farthest)
-        hits = np.flatnonzero(hit)  # taking by number is twice as fast as by truth
+        return np.flatnonzero(hit)  # taking by number is twice as fast as by truth
+
+    def points(self, nearest: float = -np.inf, farthest: float = np.inf) -> NDArray[np.float64]:
+        """Ends of the beams that hit something between two ranges, shape (k, 2), metres in the
+        robot's frame when each was taken."""
+        hits = self.hits(nearest, farthest)
         ends = self._directions().take(hits, axis=0) * self.ranges.take(hits)[:, None]
         return self.mount.pose.apply(ends)
 
     def free_ends(self, length: float) -> NDArray[np.float64]:
         """Points `length` metres along the beams that hit nothing until there, shape (k, 2), in
-        the robot's frame."""
+        the robot's frame when each was taken."""
         return self.mount.pose.apply(self._directions()[self.ranges > length] * length)
 
     def _directions(self) -> NDArray[np.float64]:

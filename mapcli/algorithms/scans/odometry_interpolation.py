@@ -1,12 +1,19 @@
-"""Odometry interpolated at the stamp of each scan (Algorithm 9.2, line 3 needs it there)."""
+"""Odometry interpolated at the stamp of each scan (Algorithm 9.2, line 3 needs it there), and at
+the times of its beams, where they are not taken all at once."""
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from operator import attrgetter
+
+import numpy as np
 
 from mapcli.model.pose import Pose2D, interpolate
-from mapcli.model.scan import Odometry, RangeScan, Record
+from mapcli.model.scan import NANOSECONDS, Odometry, RangeScan, Record
+from mapcli.model.sweep import SweepMotion
 
 PATIENCE_NS = 2_000_000_000
 """Nanoseconds: how much later than a scan records may be before its odometry is no longer waited
@@ -16,8 +23,13 @@ EXTRAPOLATION_NS = 500_000_000
 """Nanoseconds after the last odometry before a silence in which its motion is extrapolated."""
 
 
+REMEMBERED = 4096
+"""Records of odometry that are remembered for the beams of a scan: seconds of them."""
+
+
 def odometry_at_scans(records: Iterable[Record]) -> Iterator[tuple[RangeScan, Pose2D | None]]:
-    """Each scan with the odometry pose interpolated at its stamp.
+    """Each scan with the odometry pose interpolated at its stamp; a scan whose beams are taken one
+    after another gets the robot's `motion` meanwhile, by odometry, if that is known.
 
     Args:
         records: in stamp order; poses other than odometry are passed over.
@@ -27,42 +39,80 @@ def odometry_at_scans(records: Iterable[Record]) -> Iterator[tuple[RangeScan, Po
         second after a record on (until then it is extrapolated) when none follows in two seconds.
     """
     waiting: deque[RangeScan] = deque()
-    known: deque[Odometry] = deque(maxlen=2)
+    known = _KnownOdometry()
     for record in records:
         if isinstance(record, RangeScan):
             waiting.append(record)
         elif isinstance(record, Odometry):
-            while waiting and waiting[0].stamp_ns < record.stamp_ns:
-                scan = waiting.popleft()
-                yield scan, _between(known, record, scan.stamp_ns)
-            known.append(record)
-        while waiting and _need_not_wait(waiting[0], known, record.stamp_ns):
-            scan = waiting.popleft()
-            yield scan, _after(known, scan.stamp_ns)
+            known.add(record)
+        while waiting and known.suffices(waiting[0], record.stamp_ns):
+            yield known.at_scan(waiting.popleft())
     for scan in waiting:
-        yield scan, _after(known, scan.stamp_ns)
+        yield known.at_scan(scan)
 
 
-def _need_not_wait(scan: RangeScan, known: deque[Odometry], now_ns: int) -> bool:
-    exact = bool(known) and known[-1].stamp_ns == scan.stamp_ns
-    return exact or now_ns - scan.stamp_ns > PATIENCE_NS
+class _KnownOdometry:
+    """The last records of odometry (stateful: `add` changes it)."""
+
+    def __init__(self) -> None:
+        self._records: deque[Odometry] = deque(maxlen=REMEMBERED)
+
+    def add(self, record: Odometry) -> None:
+        self._records.append(record)
+
+    def suffices(self, scan: RangeScan, now_ns: int) -> bool:
+        """Whether nothing that is still to come tells more about a scan."""
+        if self._records and self._records[-1].stamp_ns >= scan.last_ns:
+            return True
+        return now_ns - scan.last_ns > PATIENCE_NS
+
+    def at_scan(self, scan: RangeScan) -> tuple[RangeScan, Pose2D | None]:
+        """A scan, with its motion if its beams are not taken at once, and the pose at its stamp."""
+        odom = self._pose(scan.stamp_ns)
+        if odom is None or scan.first_ns == scan.last_ns:
+            return scan, odom
+        return replace(scan, motion=self._motion(scan, odom)), odom
+
+    def _motion(self, scan: RangeScan, at_stamp: Pose2D) -> SweepMotion:
+        """The robot's motion from the first beam to the last, as far as it is known."""
+        begin, end = self._after(scan.first_ns), self._after(scan.last_ns)
+        counted = [self._records[i].stamp_ns for i in range(begin, end)]
+        stamps = sorted({scan.first_ns, scan.stamp_ns, *counted, scan.last_ns})
+        poses = {stamp: pose for stamp in stamps if (pose := self._pose(stamp)) is not None}
+        moved = [at_stamp.between(pose) for pose in poses.values()]
+        return SweepMotion(
+            np.array([(stamp - scan.stamp_ns) / NANOSECONDS for stamp in poses]),
+            np.array([(pose.x, pose.y, pose.theta) for pose in moved]),
+        )
+
+    def _after(self, stamp_ns: int) -> int:
+        """The place of the first record after a moment."""
+        return bisect_right(self._records, stamp_ns, key=_stamp_ns)
+
+    def _pose(self, stamp_ns: int) -> Pose2D | None:
+        """The pose at a moment, as `odometry_at_scans` yields it."""
+        known, i = self._records, self._after(stamp_ns)
+        if i == 0:
+            return None
+        last = known[i - 1]
+        if i < len(known):
+            return _between(last, known[i], stamp_ns)
+        return _extrapolated(known[i - 2] if i > 1 else last, last, stamp_ns)
 
 
-def _between(known: deque[Odometry], after: Odometry, stamp_ns: int) -> Pose2D | None:
-    """The pose interpolated between the last known odometry and the next; None without both."""
-    if not known:
-        return None
-    before = known[-1]
+def _between(before: Odometry, after: Odometry, stamp_ns: int) -> Pose2D:
     fraction = (stamp_ns - before.stamp_ns) / (after.stamp_ns - before.stamp_ns)
     return interpolate(before.pose, after.pose, fraction)
 
 
-def _after(known: deque[Odometry], stamp_ns: int) -> Pose2D | None:
-    """The pose after the last known odometry, extrapolated at its last speed for a short while."""
-    if not known or stamp_ns - known[-1].stamp_ns > EXTRAPOLATION_NS:
+def _extrapolated(before: Odometry, last: Odometry, stamp_ns: int) -> Pose2D | None:
+    """The pose after the last odometry, at the speed that it had, for a short while."""
+    if stamp_ns - last.stamp_ns > EXTRAPOLATION_NS:
         return None
-    last = known[-1]
-    if len(known) == 1 or stamp_ns == last.stamp_ns or last.stamp_ns == known[0].stamp_ns:
+    if stamp_ns == last.stamp_ns or last.stamp_ns == before.stamp_ns:
         return last.pose
-    fraction = (stamp_ns - known[0].stamp_ns) / (last.stamp_ns - known[0].stamp_ns)
-    return interpolate(known[0].pose, last.pose, fraction)
+    fraction = (stamp_ns - before.stamp_ns) / (last.stamp_ns - before.stamp_ns)
+    return interpolate(before.pose, last.pose, fraction)
+
+
+_stamp_ns = attrgetter("stamp_ns")

@@ -6,13 +6,14 @@ what they passed on the way, all in the robot's frame.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.model.scan import RangeScan
+from mapcli.model.sweep import STILL, SweepMotion
 
 NoReturn = Literal["clear", "ignore"]
 """What a beam without return tells: `clear`, that it passed open space up to the maximum range;
@@ -37,6 +38,20 @@ class PerceptionParameters:
     no_return: NoReturn = "ignore"
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Sweep:
+    """The beams of a perception in time.
+
+    Attributes:
+        seconds: after the scan's stamp, shape (n + k + 1,), in the order of `Perception.beams`;
+            the last is that of the laser's position.
+        motion: of the robot, by which they were deskewed.
+    """
+
+    seconds: NDArray[np.float64]
+    motion: SweepMotion
+
+
 @dataclass(frozen=True, eq=False)
 class Perception:
     """What one scan tells about obstacles and open space, in the robot's frame, metres.
@@ -44,22 +59,34 @@ class Perception:
     Attributes:
         hits: shape (n, 2), where beams ended at an obstacle.
         open_ends: shape (k, 2), up to where beams without return passed open space.
-        laser: shape (2,), where the beams start.
+        laser: shape (2,), where the beams start; of a sweep, in the middle of it.
+        sweep: when the beams were taken, and from where; None is at once.
     """
 
     hits: NDArray[np.float64]
     open_ends: NDArray[np.float64]
     laser: NDArray[np.float64]
+    sweep: Sweep | None = None
 
     def beams(self) -> NDArray[np.float64]:
         """Shape (n + k + 1, 2): where beams ended, hits first, and last where they start."""
         return np.concatenate([self.hits, self.open_ends, self.laser[None]])
 
+    def deskewed(self, motion: SweepMotion) -> Perception:
+        """The same beams, if the robot moved like this while they were taken."""
+        if self.sweep is None:
+            return self
+        beams, seconds = self.beams(), self.sweep.seconds
+        moved = motion.deskew(self.sweep.motion.skew(beams, seconds), seconds)
+        hits, n = len(self.hits), len(beams) - 1
+        return Perception(moved[:hits], moved[hits:n], moved[n], Sweep(seconds, motion))
+
 
 def perceive(scan: RangeScan, parameters: PerceptionParameters) -> Perception:
     """The perception map of a scan: obstacles at the ends of its beams, and open space along them.
 
-    Beams without return count as `parameters.no_return` says.
+    Beams without return count as `parameters.no_return` says. Beams that were taken one after
+    another are deskewed, if the robot's motion is known.
     """
     nearest = scan.range_min if parameters.range_min is None else parameters.range_min
     farthest = scan.range_max if parameters.range_max is None else parameters.range_max
@@ -68,4 +95,10 @@ def perceive(scan: RangeScan, parameters: PerceptionParameters) -> Perception:
     if parameters.no_return == "clear":
         open_ends = scan.free_ends(farthest)
     mount = scan.mount.pose
-    return Perception(scan.points(nearest, farthest), open_ends, np.array([mount.x, mount.y]))
+    p = Perception(scan.points(nearest, farthest), open_ends, np.array([mount.x, mount.y]))
+    if scan.first_ns == scan.last_ns:
+        return p
+    seconds = scan.beam_seconds()
+    opened = seconds[scan.ranges > farthest] if len(open_ends) else ()
+    times = np.concatenate([seconds[scan.hits(nearest, farthest)], opened, [seconds.mean()]])
+    return replace(p, sweep=Sweep(times, STILL)).deskewed(scan.motion or STILL)

@@ -3,7 +3,9 @@
 1. Loop closure (`loop_closure`): where did the robot come back, and what does the pose graph say
    then about the submaps' poses?
 2. Corrections (`submaps.apply_corrections`): every scan moves with its submap.
-3. Map refinement (`map_refinement`): every scan is fitted to the surfels of the whole map.
+3. Map refinement: every scan is fitted to the surfels of the whole map, each by itself
+   (`map_refinement`), or, where beams were taken one after another, all at once
+   (`sweep_refinement`).
 4. The map is made anew from the keyframes.
 """
 
@@ -16,8 +18,10 @@ from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopClosureResult, LoopParameters
 from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.map_refinement import RefineParameters, map_from_keyframes, refine
+from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.submaps import apply_corrections
+from mapcli.algorithms.slam.sweep_refinement import refine_sweeps
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import information_from_covariance
 from mapcli.model.trace import Loop
@@ -43,6 +47,7 @@ def finalise(
     map_: MapParameters,
     loops: LoopParameters,
     refining: RefineParameters,
+    odometry: MotionModel,
     progress: Callable[[int], None] = lambda submap: None,
 ) -> BackEndResult:
     """Close the loops of a trajectory, refine its poses, make the map.
@@ -53,7 +58,10 @@ def finalise(
     """
     closed = LoopCloser(trajectory.keyframes, map_, loops).run(progress)
     poses = apply_corrections(trajectory, closed.submaps, closed.origins)
-    poses = refine(trajectory, poses, map_.resolution, refining)
+    if trajectory.sweeps:
+        trajectory, poses = refine_sweeps(trajectory, poses, map_.resolution, odometry)
+    else:
+        poses = refine(trajectory, poses, map_.resolution, refining)
     start = trajectory.poses[0].compose(poses[0].inverse())
     poses = [trajectory.poses[0], *(start.compose(pose) for pose in poses[1:])]
     grid = map_from_keyframes(trajectory, poses, map_)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.scan_store import ScanStore
+from mapcli.algorithms.slam.tracked_sweeps import TrackedSweeps
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import (
     Covariance,
@@ -61,11 +62,14 @@ class TrackedTrajectory:
         points: shape (n, 2) each, float32, the hits of each scan in the robot's frame, one for
             each cell of the map.
         keyframes: in time order.
+        sweeps: when the points were taken, and how the robot moved meanwhile; of no scan as long as
+            all beams of a scan are taken at once.
     """
 
     poses: list[Pose2D] = field(default_factory=list)
     points: ScanStore = field(default_factory=ScanStore)
     keyframes: list[Keyframe] = field(default_factory=list)
+    sweeps: TrackedSweeps = field(default_factory=TrackedSweeps)
 
     def add(self, pose: Pose2D, points: NDArray[np.float64]) -> None:
         """The next scan."""

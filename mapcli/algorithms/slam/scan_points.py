@@ -26,18 +26,21 @@ class ScanPoints(NamedTuple):
     Attributes:
         metres, cells: shape (n, 2), the same points twice.
         radius: metres from the robot to the farthest one.
+        numbers: shape (n,), of the hits that they are.
     """
 
     metres: NDArray[np.float64]
     cells: NDArray[np.float64]
     radius: float
+    numbers: NDArray[np.int64]
 
 
 @lru_cache(maxsize=1)
 def points_of(perception: Perception, cell: float) -> ScanPoints:
     """A scan's points; the last scan's are kept, since they are asked for again."""
-    points = voxel_filtered(perception.hits, cell)
-    return ScanPoints(points, points / cell, radius_of(points))
+    numbers = first_of_each_cell(perception.hits, cell)
+    points = perception.hits[numbers]
+    return ScanPoints(points, points / cell, radius_of(points), numbers)
 
 
 def radius_of(points: NDArray[np.float64]) -> float:

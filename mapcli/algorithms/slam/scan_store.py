@@ -30,7 +30,7 @@ class _Block:
 
     Attributes:
         ends: shape (k,), where the points of each scan end.
-        points: shape (n, 2), or None when they are in the file; from `begin` on there, bytes.
+        points: shape (n, columns), or None when they are in the file; from `begin` on there, bytes.
     """
 
     ends: NDArray[np.int64]
@@ -39,9 +39,10 @@ class _Block:
 
 
 class ScanStore(Sequence[NDArray[np.float32]]):
-    """Arrays of shape (n, 2), float32, one for each scan (stateful: it grows)."""
+    """Arrays of shape (n, columns), float32, one for each scan (stateful: it grows)."""
 
-    def __init__(self) -> None:
+    def __init__(self, columns: int = 2) -> None:
+        self._columns = columns
         self._blocks: list[_Block] = []
         self._last: list[NDArray[np.float32]] = []
         self._file: IO[bytes] | None = None
@@ -103,9 +104,9 @@ class ScanStore(Sequence[NDArray[np.float32]]):
         if self._read is None or self._read[0] != number:
             assert self._file is not None
             self._file.seek(block.begin)
-            data = bytearray(8 * int(block.ends[-1]))
+            data = bytearray(4 * self._columns * int(block.ends[-1]))
             size = self._file.readinto(data)  # type: ignore[attr-defined]
             if size != len(data):
                 raise OSError("a temporary file was cut short")
-            self._read = number, np.frombuffer(data, np.float32).reshape(-1, 2)
+            self._read = number, np.frombuffer(data, np.float32).reshape(-1, self._columns)
         return self._read[1]

@@ -146,7 +146,7 @@ class Slam:
         n = b.pose  # 9: replace new position by best position
         self.odometry.compare(c.between(n))
         in_map = self._is_localized and self.local_map.update(n, p)  # 10: update map based on it
-        self._record(p, n, b, in_map=in_map)
+        self._record(scan.stamp_ns, odom, p, n, b, in_map=in_map)
         self.pose, self._has_begun = n, True  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
         return TracedPose(scan.stamp_ns, n, odom, b.score if b.found else None, status)
@@ -176,12 +176,26 @@ class Slam:
                 self.odometry.calibrate(before.between(match.pose), match.information)
         self._history = MatchHistory(score, match.relocalisation_candidate)
 
-    def _record(self, perception: Perception, pose: Pose2D, match: Match, *, in_map: bool) -> None:
+    def _record(
+        self,
+        stamp_ns: int,
+        odom: Pose2D | None,
+        perception: Perception,
+        pose: Pose2D,
+        match: Match,
+        *,
+        in_map: bool,
+    ) -> None:
         """Keep what is needed when the log has ended."""
         if self.parameters.loops is None:
             return
         self.trajectory.correct_last_poses(self.faults.past_poses)
-        self.trajectory.add(pose, points_of(perception, self.parameters.map.resolution).metres)
+        points, number = (
+            points_of(perception, self.parameters.map.resolution),
+            len(self.trajectory.poses),
+        )
+        self.trajectory.add(pose, points.metres)
+        self.trajectory.sweeps.add(number, stamp_ns, odom, perception, points.numbers)
         if in_map:
             self.trajectory.add_keyframe(perception, match.information, self.parameters.odometry)
 
@@ -199,7 +213,7 @@ class Slam:
         p = self.parameters
         if p.loops is None or not self.trajectory.keyframes:
             return None
-        return finalise(self.trajectory, p.map, p.loops, p.refine, progress)
+        return finalise(self.trajectory, p.map, p.loops, p.refine, p.odometry, progress)
 
     def unrefined(self, scans: int) -> BackEndResult | None:
         """The first `scans` poses as they were tracked, and the map of their keyframes: what

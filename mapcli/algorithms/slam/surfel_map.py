@@ -83,6 +83,11 @@ class SurfelMap:
         moments[0, kernels.MEAN_X :] = kernels.NOWHERE
         self._table = _table_of(grid, moments, cell)
 
+    @property
+    def table(self) -> kernels.SurfelTable:
+        """The surfels as kernels take them, until more points are added."""
+        return self._table
+
     def add(self, points: NDArray[np.float64]) -> None:
         """Add ends of beams, shape (n, 2), metres in the map.
 

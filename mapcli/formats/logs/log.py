@@ -12,6 +12,7 @@ from operator import attrgetter
 from pathlib import Path
 
 from mapcli.errors import DataError, FormatError
+from mapcli.formats.logs.beam_times import with_beam_times
 from mapcli.formats.logs.continuity import Break, Continuity
 from mapcli.formats.logs.missed_scans import with_stamps
 from mapcli.formats.logs.mounts import rounded_mount
@@ -211,7 +212,8 @@ class Log(ABC):
         scans, self._start_ns, codes = 0, -1, NoReturnFilter()
         watched = self._continuity.watched(with_stamps(self._records()), lambda: self.part)
         try:
-            for record in codes.records(self._in_stamp_order(watched), self.beams):
+            ordered = codes.records(self._in_stamp_order(watched), self.beams)
+            for record in with_beam_times(ordered, self.options, self.note):
                 if self._start_ns < 0 and not isinstance(record, MissedScans):
                     self._start_ns = record.stamp_ns
                 scans += isinstance(record, RangeScan)

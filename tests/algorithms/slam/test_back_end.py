@@ -28,6 +28,7 @@ from mapcli.algorithms.slam.back_end import (
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.loop_closure import LoopParameters
 from mapcli.algorithms.slam.map_refinement import RefineParameters
+from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan
@@ -37,7 +38,7 @@ ORIGIN = Pose2D()
 
 
 def finalised(trajectory: TrackedTrajectory) -> BackEndResult:
-    return finalise(trajectory, MAP, LoopParameters(), RefineParameters())
+    return finalise(trajectory, MAP, LoopParameters(), RefineParameters(), MotionModel())
 
 
 @pytest.mark.parametrize("drift", [0.1, -0.15, 0.2])

@@ -151,7 +151,7 @@ class McapLogWriter:
             scan.angle_min,
             scan.angle_min + span,
             scan.angle_increment,
-            0.0,  # between beams: not known
+            scan.timing.increment,
             0.0,  # between scans: not known
             scan.range_min,
             scan.range_max,

@@ -38,6 +38,7 @@ class LaserScan:
     angle_min: float
     angle_max: float
     angle_increment: float
+    time_increment: float
     range_min: float
     range_max: float
     ranges: NDArray[np.float32]
@@ -105,11 +106,11 @@ def scan_from_cdr(data: Buffer) -> LaserScan:
     order, body = _opened(data)
     stamp, frame, at = _header(order, body, 0)
     at += -at % 4
-    angle_min, angle_max, increment, _, _, low, high, n = struct.unpack_from(
+    angle_min, angle_max, increment, seconds, _, low, high, n = struct.unpack_from(
         f"{order}7fI", body, at
     )
     ranges = np.frombuffer(body, dtype=f"{order}f4", count=n, offset=at + 32)
-    return LaserScan(stamp, frame, angle_min, angle_max, increment, low, high, ranges)
+    return LaserScan(stamp, frame, angle_min, angle_max, increment, seconds, low, high, ranges)
 
 
 @_refuses
@@ -186,6 +187,7 @@ def scan_from_json(data: Buffer) -> LaserScan:
         key: _number(message.get(key))
         for key in ("angle_min", "angle_max", "angle_increment", "range_min", "range_max")
     }
+    number["time_increment"] = _number(message.get("time_increment", 0.0))
     return LaserScan(_json_stamp(message), _json_frame(message), **number, ranges=ranges)
 
 

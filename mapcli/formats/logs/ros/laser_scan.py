@@ -9,6 +9,7 @@ from mapcli.formats.logs.rep117 import rep117, sensible_limits, single
 from mapcli.formats.logs.ros.decode import LaserScan
 from mapcli.model.log import BeamCounts
 from mapcli.model.scan import Mount, RangeScan
+from mapcli.model.sweep import BeamTiming
 
 
 def range_scan(
@@ -32,7 +33,8 @@ def range_scan(
     if high != message.range_max:
         note(f"range_max is {message.range_max:g}: not used")
     ranges = rep117(message.ranges, low, high, beams)
-    return RangeScan(stamp_ns, message.angle_min, increment, ranges, low, high, mount)
+    timing = BeamTiming(message.time_increment, order=None)
+    return RangeScan(stamp_ns, message.angle_min, increment, ranges, low, high, mount, timing)
 
 
 def angle_increment(message: LaserScan) -> float | None:

@@ -1,0 +1,214 @@
+"""Refinement of a trajectory whose scans were taken beam by beam.
+
+`map_refinement` fits each scan by itself, rigid as it is. A scan that was taken while the robot
+drove is not rigid: where its last beams were taken depends on where the robot went next. So all
+poses are fitted at once, each point seen from the robot's pose at its own time, between the two
+scans between which it was taken (continuous-time registration, as in CT-ICP, Dellenbach et al.
+2022). The steps that odometry counted are factors between the poses.
+
+Where sweeps follow each other, the poses themselves show how the robot moved meanwhile, better than
+wheels do, whose noise over a part of a turn is large. After a pause the next pose says little about
+the sweep before, which stays as odometry has it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.algorithms.slam._kernels import sweep_refinement as kernels
+from mapcli.algorithms.slam._kernels.sweep_refinement import (
+    ALONE,
+    NormalEquations,
+    OdometrySteps,
+    Path,
+    TimedPoints,
+)
+from mapcli.algorithms.slam.keyframes import TrackedTrajectory
+from mapcli.algorithms.slam.motion_model import MotionModel
+from mapcli.algorithms.slam.surfel_map import INDEPENDENT_SHARE, SurfelMap
+from mapcli.algorithms.slam.tracked_sweeps import TrackedSweeps
+from mapcli.model.pose import Pose2D, wrap_angle
+from mapcli.model.scan import NANOSECONDS
+from mapcli.model.sweep import SweepMotion
+
+ROUNDS, STEPS = 2, 4
+"""How often the surfel map is made anew, and Gauss-Newton steps with each."""
+
+LONGEST_PAUSE = 1.0
+"""Sweeps follow each other when the pause between them is at most so many times a sweep."""
+
+BLOCK_SCANS, BLOCKS_IN_MEMORY = 500, 8
+"""Scans whose points are taken from the store together, and blocks that are kept."""
+
+SAMPLES = 9
+"""Of the motion during the sweep of a keyframe: a cubic between nine lines is off by less than a
+hundredth of what it is off a single one."""
+
+Floats = NDArray[np.float64]
+
+
+def refine_sweeps(
+    trajectory: TrackedTrajectory, poses: list[Pose2D], cell: float, odometry: MotionModel
+) -> tuple[TrackedTrajectory, list[Pose2D]]:
+    """Fit all poses to the surfels that the keyframes show, each point seen from where it was
+    taken.
+
+    Args:
+        trajectory: with `sweeps`.
+        poses: of every scan, loops closed; cell: metres along a side of a surfel's cell.
+
+    Returns:
+        The trajectory with the perceptions of its keyframes deskewed anew, and the poses.
+    """
+    fit = _SweepFit(trajectory, poses, odometry)
+    for _ in range(ROUNDS):
+        surfels = fit.surfel_map(cell)
+        for _ in range(STEPS):
+            fit.step(surfels)
+    return fit.deskewed(), fit.poses()
+
+
+class _SweepFit:
+    """The fit of a trajectory (stateful: `step` moves its poses).
+
+    Attributes:
+        path: the robot's way, as fitted by now.
+    """
+
+    def __init__(
+        self, trajectory: TrackedTrajectory, poses: list[Pose2D], odometry: MotionModel
+    ) -> None:
+        self._trajectory, self._sweeps = trajectory, trajectory.sweeps
+        self._odometry = odometry_steps(trajectory.sweeps, odometry)
+        self._stamps_s = np.array(
+            [(stamp - self._sweeps.stamps_ns[0]) / NANOSECONDS for stamp in self._sweeps.stamps_ns]
+        )
+        self._follows = self._following()
+        array = np.array([(pose.x, pose.y, pose.theta) for pose in poses])
+        array[:, 2] = np.unwrap(array[:, 2])
+        self._set(array)
+        self._block = lru_cache(maxsize=BLOCKS_IN_MEMORY)(self._read_block)
+
+    def _following(self) -> NDArray[np.bool_]:
+        """Whether the sweep of the next scan follows that of each but the last."""
+        seconds = np.diff(self._stamps_s)
+        return (seconds > 0) & (seconds <= (1 + LONGEST_PAUSE) * self._sweeps.longest_s)
+
+    def _set(self, poses: Floats) -> None:
+        seconds = np.diff(self._stamps_s)
+        self.path = Path(poses, _velocities(poses, seconds, self._follows), seconds)
+
+    def poses(self) -> list[Pose2D]:
+        """Of every scan, as fitted by now."""
+        return [Pose2D(x, y, wrap_angle(theta)) for x, y, theta in self.path.poses.tolist()]
+
+    def step(self, surfels: SurfelMap) -> None:
+        """One step of Gauss-Newton."""
+        n = 3 * len(self.path.poses)
+        equations = NormalEquations(np.zeros((n, kernels.BAND)), np.zeros(n))
+        for timed in self._blocks():
+            seen_from = self._seen_from(timed)
+            kernels.add_points(surfels.table, timed, seen_from, equations)
+        kernels.add_odometry(self._odometry, self.path.poses, equations)
+        kernels.solve_banded(equations)
+        self._set(self.path.poses + equations.right.reshape(-1, 3))
+
+    def _seen_from(self, timed: TimedPoints) -> Floats:
+        seen_from = np.empty((len(timed.scans), 3))
+        kernels.place_points(timed, self.path, seen_from)
+        return seen_from
+
+    def surfel_map(self, cell: float) -> SurfelMap:
+        """The surfels that the keyframes make."""
+        surfels, keys = SurfelMap(cell), {one.scan for one in self._trajectory.keyframes}
+        for timed in self._blocks():
+            seen_from = self._seen_from(timed)
+            cos, sin = np.cos(seen_from[:, 2]), np.sin(seen_from[:, 2])
+            x, y = timed.points.T
+            points = seen_from[:, :2] + np.column_stack([cos * x - sin * y, sin * x + cos * y])
+            bounds = np.flatnonzero(np.diff(timed.scans, prepend=-1, append=-1))
+            for first, end in pairwise(bounds.tolist()):
+                if timed.scans[first] in keys:
+                    surfels.add(points[first:end])
+        return surfels
+
+    def _blocks(self) -> Iterator[TimedPoints]:
+        for first in range(0, len(self.path.poses), BLOCK_SCANS):
+            yield self._block(first)
+
+    def _read_block(self, first: int) -> TimedPoints:
+        """The points of some scans."""
+        beams = self._sweeps.beams[first : first + BLOCK_SCANS]
+        scans = np.repeat(np.arange(first, first + len(beams)), [len(scan) for scan in beams])
+        everything = np.concatenate(beams).astype(np.float64)
+        points = np.ascontiguousarray(everything[:, :2])
+        return self._timed(points, scans, everything[:, 2], everything[:, 3:])
+
+    def _timed(
+        self, points: Floats, scans: NDArray[np.int64], seconds: Floats, motions: Floats
+    ) -> TimedPoints:
+        """Points of scans, taken so many seconds after the stamps."""
+        steps = scans - (seconds < 0)
+        inside = (steps >= 0) & (steps < len(self._follows))
+        inside[inside] = self._follows[steps[inside]]
+        steps[~inside] = ALONE
+        shares = np.zeros(len(scans))
+        since = self._stamps_s[scans[inside]] + seconds[inside] - self._stamps_s[steps[inside]]
+        shares[inside] = since / self.path.seconds[steps[inside]]
+        return TimedPoints(points, scans, steps, shares, np.ascontiguousarray(motions))
+
+    def deskewed(self) -> TrackedTrajectory:
+        """The trajectory with the perceptions of its keyframes as they were seen on this path."""
+        keyframes = []
+        for keyframe in self._trajectory.keyframes:
+            sweep = keyframe.perception.sweep
+            if sweep is not None:
+                motion = self._motion(keyframe.scan, sweep.motion, sweep.seconds)
+                perception = keyframe.perception.deskewed(motion)
+                keyframe = replace(keyframe, perception=perception)
+            keyframes.append(keyframe)
+        return replace(self._trajectory, keyframes=keyframes)
+
+    def _motion(self, scan: int, counted: SweepMotion, seconds: Floats) -> SweepMotion:
+        """How the robot moved during a scan on this path."""
+        samples = np.linspace(seconds.min(), seconds.max(), SAMPLES)
+        scans = np.full(SAMPLES, scan)
+        timed = self._timed(np.zeros((SAMPLES, 2)), scans, samples, counted.at(samples))
+        x, y, theta = (self._seen_from(timed) - self.path.poses[scan]).T
+        cos, sin = np.cos(self.path.poses[scan, 2]), np.sin(self.path.poses[scan, 2])
+        return SweepMotion(samples, np.column_stack([cos * x + sin * y, cos * y - sin * x, theta]))
+
+
+def odometry_steps(sweeps: TrackedSweeps, model: MotionModel) -> OdometrySteps:
+    """The motions that odometry counted from each scan to the next, with their information beside
+    that of points."""
+    n = len(sweeps.odometry)
+    counted, information = np.zeros((max(n - 1, 0), 3)), np.zeros((max(n - 1, 0), 2))
+    for k in range(n - 1):
+        a, b = sweeps.odometry[k], sweeps.odometry[k + 1]
+        if a is not None and b is not None:
+            motion = a.between(b)
+            deviations = model.uncertainty(motion).deviations
+            counted[k] = motion.x, motion.y, motion.theta
+            information[k] = deviations.xy**-2, deviations.theta**-2
+    return OdometrySteps(counted, information / INDEPENDENT_SHARE)
+
+
+def _velocities(poses: Floats, seconds: Floats, follows: NDArray[np.bool_]) -> Floats:
+    """At each scan, shape (m, 3), per second: the mean of those on both sides, the shorter step
+    weighing more; of steps to sweeps that follow only."""
+    known = np.where(follows, 1.0, 0.0)
+    safe = np.where(follows, seconds, 1.0)
+    slopes = np.diff(poses, axis=0) / safe[:, None]
+    weights = known / safe
+    total, weighted = np.zeros(len(poses)), np.zeros_like(poses)
+    for part in (slice(0, -1), slice(1, None)):
+        total[part] += weights
+        weighted[part] += weights[:, None] * slopes
+    return weighted / np.maximum(total, np.finfo(float).tiny)[:, None]

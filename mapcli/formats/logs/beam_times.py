@@ -1,0 +1,98 @@
+"""When the beams of a log's scans are taken: what its `time_increment` is worth.
+
+Drivers that know the time from beam to beam publish it; others leave it 0, and all beams are taken
+for taken at once then. Some publish nonsense. Whoever knows better says how long a turn takes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+
+from mapcli.model.log import Entry, LogOptions
+from mapcli.model.scan import NANOSECONDS, RangeScan
+from mapcli.model.sweep import AT_ONCE, BeamTiming
+
+CHECKED_SCANS = 100
+"""Scans whose stamps tell how often scans come."""
+
+LONGEST_SWEEP = 1.1
+"""A sweep takes at most so many times what is between two stamps: no laser begins the next one
+before it has ended the last."""
+
+
+def with_beam_times(
+    records: Iterable[Entry], options: LogOptions, note: Callable[[str], None]
+) -> Iterator[Entry]:
+    """The records, scans with the times at which their beams are taken.
+
+    Args:
+        records: in stamp order; scans with the log's own time from beam to beam.
+        options: `scan_stamp`, `turn_time` and `beam_order`.
+        note: called with a sentence about times that are not used.
+    """
+    if options.turn_time is not None:
+        for record in records:
+            yield _turning(record, options.turn_time, options)
+        return
+    records = iter(records)
+    for record in records:
+        if isinstance(record, RangeScan) and record.timing.increment != 0:
+            held = [record, *_next_scans(records)]
+            check = _IncrementCheck(held, options, note)
+            yield from map(check.timed, held)
+            yield from map(check.timed, records)
+        else:
+            yield record
+
+
+def _turning(record: Entry, turn_time: float, options: LogOptions) -> Entry:
+    """A scan of a laser whose full turn takes so many seconds."""
+    if not isinstance(record, RangeScan):
+        return record
+    increment = turn_time * abs(record.angle_increment) / math.tau
+    return replace(record, timing=_timing(increment, options))
+
+
+def _timing(increment: float, options: LogOptions) -> BeamTiming:
+    return BeamTiming(increment, options.scan_stamp, options.beam_order)
+
+
+def _next_scans(records: Iterator[Entry]) -> Iterator[Entry]:
+    """The records until there were scans enough to tell how often they come."""
+    scans = 0
+    while scans < CHECKED_SCANS and (some := list(islice(records, 1))):
+        scans += isinstance(some[0], RangeScan)
+        yield some[0]
+
+
+class _IncrementCheck:
+    """Whether times from beam to beam can be believed."""
+
+    def __init__(
+        self, records: list[Entry], options: LogOptions, note: Callable[[str], None]
+    ) -> None:
+        stamps = [record.stamp_ns for record in records if isinstance(record, RangeScan)]
+        steps = np.diff(stamps) / NANOSECONDS
+        self._period = float(np.median(steps)) if len(steps) else 0.0
+        self._options, self._note = options, note
+
+    def timed(self, record: Entry) -> Entry:
+        """A scan with the times of its beams, taken at once if those of the log make no sense."""
+        if not isinstance(record, RangeScan) or record.timing.increment == 0:
+            return record
+        increment, timing = record.timing.increment, AT_ONCE
+        span = record.timing.span(len(record.ranges))
+        if increment > 0 and span <= LONGEST_SWEEP * self._period:
+            timing = _timing(increment, self._options)
+        else:
+            self._note(
+                f"time_increment is {increment:g} s, {span:,.4g} s from the first beam to the last "
+                f"where scans come every {self._period:.4g} s: not used, all beams count as taken "
+                "at once"
+            )
+        return replace(record, timing=timing)

@@ -1,0 +1,138 @@
+"""The sweep of a laser: when each beam of a scan is taken, and how the robot moves meanwhile.
+
+A laser that spins takes its beams one after another. While a robot moves, each is taken from
+another pose; DESKEWING puts its end where it was seen, in the robot's frame at the scan's stamp.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.model.pose import Pose2D
+
+ScanStamp = Literal["first", "middle", "last"]
+"""Which beam the stamp of a scan is of, in the order in which they are taken."""
+
+BeamOrder = Literal["forward", "backward"]
+"""`backward`: the last beam of the array was taken first, as by drivers that flip the array of a
+laser that spins clockwise."""
+
+
+@dataclass(frozen=True, slots=True)
+class BeamTiming:
+    """When the beams of a scan are taken.
+
+    Attributes:
+        increment: seconds from one beam to the next, not negative; 0 takes all at once.
+        stamp: which of them the scan's stamp is of.
+        order: in which they are taken; None is not known, and forward until it is.
+    """
+
+    increment: float = 0.0
+    stamp: ScanStamp = "first"
+    order: BeamOrder | None = "forward"
+
+    def span(self, beams: int) -> float:
+        """Seconds from the first beam to the last."""
+        return self.increment * max(beams - 1, 0)
+
+    def before_stamp(self, beams: int) -> float:
+        """Seconds from the first beam to the stamp."""
+        return self.span(beams) * {"first": 0.0, "middle": 0.5, "last": 1.0}[self.stamp]
+
+    def after_stamp(self, beams: int) -> NDArray[np.float64]:
+        """Seconds after the stamp at which each beam of the array is taken, shape (n,)."""
+        return _after_stamp(self, beams)
+
+
+AT_ONCE = BeamTiming()
+
+
+@lru_cache(maxsize=16)
+def _after_stamp(timing: BeamTiming, beams: int) -> NDArray[np.float64]:
+    numbers = np.arange(beams, dtype=np.float64)
+    seconds: NDArray[np.float64] = timing.increment * numbers - timing.before_stamp(beams)
+    return seconds[::-1].copy() if timing.order == "backward" else seconds
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SweepMotion:
+    """How the robot moves while its laser sweeps.
+
+    Attributes:
+        seconds: shape (m,), ascending, after the scan's stamp; before the first and after the last
+            the robot counts as standing.
+        poses: shape (m, 3), where the robot is then, in its own frame at the stamp: metres, and
+            radians, which are not wrapped.
+    """
+
+    seconds: NDArray[np.float64]
+    poses: NDArray[np.float64]
+
+    def at(self, seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The poses at times after the stamp, interpolated, shape (n, 3)."""
+        poses: NDArray[np.float64] = np.empty((len(seconds), 3))
+        for column in range(3):
+            poses[:, column] = np.interp(seconds, self.seconds, self.poses[:, column])
+        return poses
+
+    def deskew(
+        self, points: NDArray[np.float64], seconds: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Points as seen at these times, in the robot's frame at the stamp, shape (n, 2).
+
+        Args:
+            points: shape (n, 2), each in the robot's frame at its time.
+        """
+        x, y, cos, sin = self._motions(seconds)
+        u, v = points[:, 0], points[:, 1]
+        return np.column_stack([cos * u - sin * v + x, sin * u + cos * v + y])
+
+    def skew(
+        self, points: NDArray[np.float64], seconds: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The inverse of `deskew`: points at the stamp as they were seen at these times."""
+        x, y, cos, sin = self._motions(seconds)
+        u, v = points[:, 0] - x, points[:, 1] - y
+        return np.column_stack([cos * u + sin * v, cos * v - sin * u])
+
+    def _motions(self, seconds: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """x, y, cosine and sine of the heading at each time."""
+        poses = self.at(seconds)
+        theta = poses[:, 2]
+        cos: NDArray[np.float64] = np.cos(theta)
+        sin: NDArray[np.float64] = np.sin(theta)
+        return poses[:, 0], poses[:, 1], cos, sin
+
+    def corrected(self, before: Pose2D, after: Pose2D) -> SweepMotion:
+        """The motion with an error taken out that grows with the time from the stamp.
+
+        Args:
+            before, after: what the robot moved more than this says, per second, before and after
+                the stamp: metres and radians per second.
+        """
+        rates = np.array([[r.x, r.y, r.theta] for r in (before, after)])
+        more = self.seconds[:, None] * rates[(self.seconds > 0).astype(np.int64)]
+        x, y, theta = self.poses.T
+        cos, sin = np.cos(theta), np.sin(theta)
+        moved = [x + cos * more[:, 0] - sin * more[:, 1], y + sin * more[:, 0] + cos * more[:, 1]]
+        return SweepMotion(self.seconds, np.column_stack([*moved, theta + more[:, 2]]))
+
+
+STILL = SweepMotion(np.zeros(1), np.zeros((1, 3)))
+
+
+def error_rate(counted: Pose2D, found: Pose2D, seconds: float) -> Pose2D:
+    """What the robot moved more than was counted, per second.
+
+    Args:
+        counted, found: the motion from a scan's stamp to a moment `seconds` later (earlier, if
+            negative), by odometry and in truth, in the robot's frame at the stamp.
+    """
+    error = counted.between(found)
+    return Pose2D(error.x / seconds, error.y / seconds, error.theta / seconds)
