@@ -59,7 +59,7 @@ def read_files(inputs: Iterable[str]) -> list[Path]:
     return files
 
 
-IMAGE = re.compile(rb"^\s*image\s*:\s*[\"']?([^\"'#\n\r]+)", re.MULTILINE)
+IMAGE = re.compile(rb"^[ \t]*image[ \t]*:\s*[\"']?([^\"'#\n\r]+)", re.MULTILINE)
 """The line of a map's YAML that names its image; the reader of maps reads it properly later."""
 
 

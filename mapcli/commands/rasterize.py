@@ -86,7 +86,10 @@ def command(
         error.file = error.file or source
         raise
     files = dump_map(written, target, SaveOptions(format="txt" if target == "-" else None))
-    memory, cells = Memory.of(world, grid), covered_cells_listed(grid, y_down=loaded.y_down)
+    memory, cells = Memory.of(world, grid), list[tuple[int, int]]()
+    # A list of millions takes longer than the map itself.
+    if json_file is not None or verbose or memory.occupied <= MOST_LISTED:
+        cells = covered_cells_listed(grid, y_down=loaded.y_down)
     with output_set(no_clobber=no_clobber) as results:
         results.write_beside(target, files)
         if json_file is not None:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import time
 from pathlib import Path
 
 import pytest
 from conftest import FIXTURES, run
+
+from mapcli.commands._output import read_files
 
 FILES = (
     "corridor.mcap", "corridor.yaml", "corridor-path.txt", "corner.txt", "corner-scan.yaml",
@@ -91,3 +94,11 @@ def test_an_image_name_that_no_file_can_have(
     said = capsys.readouterr().err
     assert said.startswith("Error: odd.yaml: ")
     assert "a fault in mapcli" not in said
+
+
+def test_a_yaml_of_empty_lines() -> None:
+    """Whoever looks for its image must not begin anew at each of them."""
+    Path("empty.yaml").write_text("\n" * 60_000 + "image : map.pgm\n")
+    start = time.process_time()
+    assert read_files(["empty.yaml"]) == [Path("empty.yaml"), Path("map.pgm")]
+    assert time.process_time() - start < 1

@@ -10,6 +10,7 @@ import pytest
 from conftest import FIXTURES, run
 
 from mapcli import GridMap, load_map
+from mapcli.algorithms.maps.rasterize import covered_cells_listed
 
 FIGURE = FIXTURES / "fig9_1.yaml"
 
@@ -75,6 +76,28 @@ def test_bad_polygons(
     assert error.startswith(f"Error: {path}: ")
     assert message in error
     assert not (tmp_path / "o.txt").exists()
+
+
+def test_cells_that_nobody_asks_for_are_not_listed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A list of 33 million took 25 of 28 seconds."""
+    listed = []
+
+    def listing(grid: GridMap, **options: bool) -> list[tuple[int, int]]:
+        listed.append(grid)
+        return covered_cells_listed(grid, **options)
+
+    monkeypatch.setattr("mapcli.algorithms.maps.rasterize.covered_cells_listed", listing)
+    path = tmp_path / "p.yaml"
+    path.write_text("polygons: [[[0, 0], [11, 0], [11, 3], [0, 3]]]\n")  # 33 cells
+    assert run("rasterize", path, tmp_path / "o.txt") == 0
+    assert not listed
+    assert "cells x, y" not in capsys.readouterr().out
+    assert run("rasterize", path, tmp_path / "o.txt", "-v") == 0
+    assert "(10,2)" in capsys.readouterr().out
+    assert run("rasterize", path, tmp_path / "o.txt", "-q", "--json", tmp_path / "o.json") == 0
+    assert len(json.loads((tmp_path / "o.json").read_text())["cells"]) == 33
 
 
 def test_bad_usage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

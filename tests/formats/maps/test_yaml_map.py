@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from mapcli.errors import FormatError
 from mapcli.formats.maps.load import load_map
 from mapcli.formats.maps.map_image import GreyRule
-from mapcli.formats.maps.yaml_map import image_meta_lines
+from mapcli.formats.maps.yaml_map import image_meta_lines, read_yaml
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 
@@ -258,3 +259,12 @@ def test_numbers_are_written_so_that_they_read_back(tmp_path: Path) -> None:
         "occupied_thresh: 0.65\n"
         "free_thresh: 0.196\n"
     )
+
+
+@pytest.mark.parametrize("text", ["resolution: {}x\ncells: ['0']", "cells: ['0 {}x']"])
+def test_a_long_number_that_is_none(text: str) -> None:
+    """A tenth of a second; it took minutes while the pattern gave digits back."""
+    start = time.process_time()
+    with pytest.raises(FormatError, match="9999"):
+        read_yaml(text.format("9" * 100_000).encode(), "m.yaml")
+    assert time.process_time() - start < 2
