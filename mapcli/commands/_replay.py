@@ -10,6 +10,7 @@ from typing import Any
 from mapcli.algorithms.evaluation.log_reasons import log_reasons
 from mapcli.algorithms.slam.replay import Replayed, ReplayRun
 from mapcli.algorithms.slam.slam import Slam
+from mapcli.algorithms.slam.verdict import verdict_of
 from mapcli.commands._log_options import LogInput
 from mapcli.commands._output import progress, progress_of_steps
 from mapcli.commands._say import say
@@ -45,8 +46,10 @@ def replay_log(
         raise
     replayed = run.result(log.damage)
     summary = replayed.summary
-    reasons = log_reasons(log.units, run.mount.finding(), summary.duration_s)
-    summary = replace(summary, reasons=reasons, seconds=time.perf_counter() - started)
+    told = log_reasons(log.units, run.mount.finding(), summary.duration_s)
+    reasons = (*told, *summary.reasons)
+    seconds = time.perf_counter() - started
+    summary = replace(summary, verdict=verdict_of(reasons), reasons=reasons, seconds=seconds)
     return replace(replayed, summary=summary), run
 
 

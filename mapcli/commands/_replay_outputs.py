@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from types import MappingProxyType
 from typing import Any
 
 import click
+import numpy as np
 
 from mapcli.algorithms.slam.replay import Replayed
 from mapcli.commands._output import check_outputs
@@ -18,6 +19,7 @@ from mapcli.formats.maps.save import SUFFIXES, Pieces, SaveOptions, map_files
 from mapcli.formats.output import output_set
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
+from mapcli.model.reason import Reason
 from mapcli.model.summary import ReplaySummary
 from mapcli.model.trace import PoseTrace
 
@@ -54,6 +56,13 @@ class ReplayOutputs:
             image = str(PurePath(str(self.map)).with_suffix(".pgm"))
         named = self.png, self.map, image, self.json, self.trace, self.mcap
         return [name for name in named if name]
+
+
+MOST_SPANS = 3
+"""Time spans that the report tells of each kind of reason; the trace tells all."""
+
+HALF_MS = 0.0005
+"""Seconds by which times may be rounded."""
 
 
 def default_folder(log: str) -> str:
@@ -123,7 +132,7 @@ def _contents(outputs: ReplayOutputs, replayed: Replayed) -> dict[str, bytes | P
     if outputs.mcap:
         contents[outputs.mcap] = _mcap(replayed.map, replayed.trace)
     if outputs.png:
-        contents[outputs.png] = _picture(replayed.map, replayed.trace)
+        contents[outputs.png] = _picture(replayed.map, replayed.trace, replayed.summary.reasons)
     return contents
 
 
@@ -160,12 +169,19 @@ def _mcap(grid: GridMap, trace: PoseTrace) -> bytes:
     return stream.getvalue()
 
 
-def _picture(grid: GridMap, trace: PoseTrace) -> bytes:
+def _picture(grid: GridMap, trace: PoseTrace, reasons: Sequence[Reason]) -> bytes:
     from mapcli.pictures.map_picture import RobotPath, floor_plan
 
     driven = trace.trajectory()
-    path = RobotPath(driven.poses[:, :2], driven.seconds(), driven.poses[:, 2])
+    seconds = driven.seconds()
+    doubtful = [_is_doubtful(time - seconds[0], reasons) for time in seconds.tolist()]
+    path = RobotPath(driven.poses[:, :2], seconds, driven.poses[:, 2], np.array(doubtful))
     return floor_plan(grid, path=path)
+
+
+def _is_doubtful(seconds: float, reasons: Sequence[Reason]) -> bool:
+    """Whether a reason tells of this time, seconds after the first scan."""
+    return any(one.from_s - HALF_MS <= seconds <= one.to_s + HALF_MS for one in reasons)
 
 
 def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> None:
@@ -196,8 +212,20 @@ def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> Non
         ("took", f"{summary.seconds:.2f} s, {_times(summary.times_real_time)} times real time"),
         ("written", _listed(outputs.names())),
     )
-    for label, text in rows:
+    for label, text in (*rows, *_verdict_rows(summary)):
         say(f"{label:>13}  {text}")
+
+
+def _verdict_rows(summary: ReplaySummary) -> Iterator[tuple[str, str]]:
+    """The verdict, last of the report, after its reasons: one line of each kind."""
+    kinds: dict[str, list[Reason]] = {}
+    for reason in summary.reasons:
+        kinds.setdefault(reason.kind, []).append(reason)
+    for reasons in kinds.values():
+        spans = [f"{one.from_s:,.0f} to {one.to_s:,.0f} s" for one in reasons]
+        more = f" and {len(spans) - MOST_SPANS} more" if len(spans) > MOST_SPANS else ""
+        yield "reason", f"{reasons[0].line()} ({', '.join(spans[:MOST_SPANS])}{more})"
+    yield "verdict", summary.verdict
 
 
 def _times(number: float) -> str:

@@ -41,7 +41,7 @@ from mapcli.commands._replay_perceptions import (
     perception_contents,
     perception_files,
 )
-from mapcli.commands._say import say, warn
+from mapcli.commands._say import say
 from mapcli.errors import DataError
 from mapcli.formats.input import DigestingReader
 from mapcli.formats.maps.load import LoadedMap
@@ -159,13 +159,12 @@ def command(
     if model["similarity"] and parameters.match.search != "book" and not quiet:
         say("Note: --similarity is for --search book and changes nothing.")
     say_notes(log, verbose=verbose, quiet=quiet)
-    warn(log.name, [reason.line() for reason in summary.reasons])
     if not quiet:
         report(summary, replayed.map, outputs)
     if run.stopped_by is not None:
         raise run.stopped_by
     for limit in limits:
-        limit.check(summary.numbers(), log.name)
+        limit.check(summary.values(), log.name)
 
 
 def slam_parameters(

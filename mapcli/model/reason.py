@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-ReasonKind = Literal["laser_mirrored", "laser_turned", "range_unit", "angle_unit"]
+Verdict = Literal["good", "doubtful", "bad"]
+"""May a map be trusted?"""
+
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+
+ReasonKind = Literal[
+    "laser_mirrored",
+    "laser_turned",
+    "range_unit",
+    "angle_unit",
+    "walls_twice",
+    "torn",
+    "odometry_alone",
+    "unconfirmed",
+]
 """`laser_mirrored`: scans turn the other way than the wheels; `laser_turned`: the laser looks
 elsewhere than the log says, backwards above all; `range_unit`, `angle_unit`: readings are no
-metres, angles are no radians."""
+metres, angles are no radians; `walls_twice`: places passed twice do not meet; `torn`: scans that
+those taken just before and after contradict; `odometry_alone`: no scan fitted the map;
+`unconfirmed`: a long way of which nothing was seen on another visit."""
 
 
 @dataclass(frozen=True)
@@ -20,6 +36,7 @@ class Reason:
         from_s, to_s: seconds after the first scan.
         text: for a person.
         remedy: the option to try; `try` in documents. Empty where there is none.
+        verdict: on the map, for this reason.
     """
 
     kind: ReasonKind
@@ -27,6 +44,7 @@ class Reason:
     to_s: float
     text: str
     remedy: str = ""
+    verdict: Verdict = "bad"
 
     def document(self) -> dict[str, Any]:
         return {

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mapcli.errors import DataError, QualityError
-from mapcli.model.reason import Reason
+from mapcli.model.reason import VERDICTS, Reason, Verdict
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class ReplaySummary:
         lost_share: share of the scans asked for that were lost to damage, as far as the log tells
             how many it held.
         interrupted: the replay was stopped early; the result is of the part before.
-        reasons: what makes the result doubtful.
+        verdict: may the map be trusted; reasons: why not, and when.
         seconds: what the replay took; left out of files, which must not depend on the machine.
     """
 
@@ -52,6 +52,7 @@ class ReplaySummary:
     damage: Mapping[str, int]
     interrupted: bool
     lost_share: float = field(default=0.0)
+    verdict: Verdict = "good"
     reasons: tuple[Reason, ...] = ()
     seconds: float = field(default=0.0)
 
@@ -83,11 +84,12 @@ class ReplaySummary:
             "odometry_catch_ups": self.odometry_catch_ups,
             "damage": dict(self.damage),
             "interrupted": self.interrupted,
+            "verdict": self.verdict,
             "reasons": [reason.document() for reason in self.reasons],
         }
 
-    def numbers(self) -> dict[str, float]:
-        """What limits may be set on: all numbers, and those of this run."""
+    def values(self) -> dict[str, float | str]:
+        """What limits may be set on: all numbers, those of this run, and the verdict."""
         numbers = {
             key: float(value)
             for key, value in self.document().items()
@@ -100,14 +102,18 @@ class ReplaySummary:
             "damage": float(sum(self.damage.values())),
             "seconds": self.seconds,
             "times_real_time": self.times_real_time,
+            "verdict": self.verdict,
         }
 
 
 NOTHING = ReplaySummary(0, 0, 0, 0, {}, 0.0, 0.0, 0, None, 0, 0, 0, {}, interrupted=False)
-LIMIT_FIELDS = tuple(NOTHING.numbers())
+LIMIT_FIELDS = tuple(NOTHING.values())
 """What `--fail-if` can be about."""
 
-COMPARISONS: dict[str, Callable[[float, float], bool]] = {
+WORDS: dict[str, Sequence[str]] = {"verdict": VERDICTS}
+"""Of these, those whose values are words, and which."""
+
+COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
     "<=": operator.le,
     ">=": operator.ge,
     "==": operator.eq,
@@ -123,7 +129,7 @@ class Limit:
 
     field: str
     comparison: str
-    value: float
+    value: float | str
 
     @classmethod
     def parse(
@@ -134,28 +140,50 @@ class Limit:
         Raises:
             DataError: not of that form, or about nothing that the summary has.
         """
-        match = re.fullmatch(r"\s*(\w+)\s*(<=|>=|==|!=|<|>)\s*([-+.\deE]+)\s*", text)
-        try:
-            if match is None:
-                raise ValueError
-            limit = cls(match[1], match[2], float(match[3]))
-        except ValueError:
-            raise DataError(f"{text!r}", expected=f"a limit such as '{example}'") from None
-        if limit.field not in fields:
+        match = re.fullmatch(r"\s*(\w+)\s*(<=|>=|==|!=|<|>)\s*([-+.\w]+)\s*", text)
+        if match is None:
+            raise DataError(f"{text!r}", expected=f"a limit such as '{example}'")
+        name, comparison, value = match.groups()
+        if name not in fields:
             expected = f"one of {', '.join(fields)}"
-            raise DataError(f"{text!r}: no {limit.field!r} in the summary", expected=expected)
-        return limit
+            raise DataError(f"{text!r}: no {name!r} in the summary", expected=expected)
+        if name not in WORDS:
+            return cls(name, comparison, _number(value, text, example))
+        if comparison not in ("==", "!="):
+            expected = f"{name}== or {name}!=, since its values are words"
+            raise DataError(f"{text!r}", expected=expected)
+        if value not in WORDS[name]:
+            raise DataError(f"{text!r}", expected=f"one of {', '.join(WORDS[name])}")
+        return cls(name, comparison, value)
 
-    def check(self, numbers: Mapping[str, float], name: str) -> None:
+    def check(self, values: Mapping[str, float | str], name: str) -> None:
         """Fail if the limit is not met.
 
         Raises:
             QualityError: the comparison holds.
         """
-        found = numbers[self.field]
+        found = values[self.field]
         if COMPARISONS[self.comparison](found, self.value):
             raise QualityError(
-                f"{self.field} is {found:g}",
+                f"{self.field} is {_shown(found)}",
                 file=name,
-                expected=f"not {self.field}{self.comparison}{self.value:g} (--fail-if)",
+                expected=f"not {self.field}{self.comparison}{_shown(self.value)} (--fail-if)",
             )
+
+
+def _number(text: str, limit: str, example: str) -> float:
+    """A number of a limit.
+
+    Raises:
+        DataError: it is none.
+    """
+    try:
+        if not re.fullmatch(r"[-+.\deE]+", text):
+            raise ValueError
+        return float(text)
+    except ValueError:
+        raise DataError(f"{limit!r}", expected=f"a limit such as '{example}'") from None
+
+
+def _shown(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g}"

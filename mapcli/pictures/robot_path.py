@@ -11,6 +11,7 @@ from PIL import Image
 
 from mapcli.model.trajectory import Trajectory
 from mapcli.pictures.drawing import (
+    RED,
     WHITE,
     arrow_head,
     draw_disc,
@@ -32,11 +33,13 @@ class RobotPath:
         points: positions in the world, shape (n, 2), metres, in time order.
         seconds: when the robot was there, shape (n,); they colour the path. None: by count.
         headings: radians in the world, shape (n,), for the arrows. None: they follow the path.
+        doubtful: where the path is not to be trusted, shape (n,), drawn in red. None: nowhere.
     """
 
     points: NDArray[np.float64]
     seconds: NDArray[np.float64] | None = None
     headings: NDArray[np.float64] | None = None
+    doubtful: NDArray[np.bool_] | None = None
 
     @classmethod
     def of(cls, trajectory: Trajectory) -> RobotPath:
@@ -68,7 +71,10 @@ def draw_path(
     pixels = np.array(image)
     radius = 1.9 * layout.unit
     draw_line(pixels, points, np.full((len(points), 3), 255.0), radius + 1.4 * layout.unit)
-    draw_line(pixels, points, time_colours(fractions), radius)
+    colours = time_colours(fractions)
+    if path.doubtful is not None:
+        colours[path.doubtful] = RED
+    draw_line(pixels, points, colours, radius)
     image = Image.fromarray(pixels)
     _arrows(image, window, layout, path)
     # The start is the larger disc, so that it shows under an end in the same place.

@@ -25,6 +25,7 @@ SUMMARY = ReplaySummary(
     odometry_catch_ups=4,
     damage={"scans without beams, skipped": 2, "files cut short": 1},
     interrupted=False,
+    verdict="bad",
     reasons=(Reason("range_unit", 0.0, 59.9, "far", "--less"),),
     lost_share=0.125,
     seconds=1.5,
@@ -49,6 +50,7 @@ def test_the_document_literally() -> None:
         "odometry_catch_ups": 4,
         "damage": {"scans without beams, skipped": 2, "files cut short": 1},
         "interrupted": False,
+        "verdict": "bad",
         "reasons": [
             {"kind": "range_unit", "from_s": 0.0, "to_s": 59.9, "text": "far", "try": "--less"}
         ],
@@ -59,14 +61,15 @@ def test_what_depends_on_the_machine_stays_out_of_documents() -> None:
     assert SUMMARY.document() == replace(SUMMARY, seconds=99.0).document()
 
 
-def test_numbers_for_limits() -> None:
-    numbers = SUMMARY.numbers()
+def test_values_for_limits() -> None:
+    numbers = SUMMARY.values()
     assert set(numbers) == set(LIMIT_FIELDS)
     assert numbers["skipped"] == 2
     assert numbers["damage"] == 3
     assert numbers["seconds"] == 1.5
     assert numbers["times_real_time"] == 40
     assert numbers["interrupted"] == 0
+    assert numbers["verdict"] == "bad"
 
 
 def test_nothing_at_all() -> None:
@@ -74,8 +77,8 @@ def test_nothing_at_all() -> None:
     assert nothing.used_share == 0
     assert nothing.times_real_time == 0
     assert nothing.document()["mean_score"] is None
-    assert nothing.numbers()["mean_score"] == 0  # no match at all is no good match
-    assert nothing.numbers()["interrupted"] == 1
+    assert nothing.values()["mean_score"] == 0  # no match at all is no good match
+    assert nothing.values()["interrupted"] == 1
 
 
 @pytest.mark.parametrize(
@@ -87,6 +90,8 @@ def test_nothing_at_all() -> None:
         ("loops==0", Limit("loops", "==", 0)),
         ("odometry_jumps!=-3", Limit("odometry_jumps", "!=", -3)),
         ("seconds>60", Limit("seconds", ">", 60)),
+        ("verdict!=good", Limit("verdict", "!=", "good")),
+        ("verdict == bad", Limit("verdict", "==", "bad")),
     ],
 )
 def test_limits_are_read(text: str, limit: Limit) -> None:
@@ -101,6 +106,28 @@ def test_limits_are_read(text: str, limit: Limit) -> None:
 def test_what_is_no_limit(text: str) -> None:
     with pytest.raises(DataError, match=r"expected a limit such as 'used_share<0\.95'"):
         Limit.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("verdict<good", "expected verdict== or verdict!=, since its values are words"),
+        ("verdict==1", "expected one of good, doubtful, bad"),
+        ("verdict!=fine", "expected one of good, doubtful, bad"),
+        ("used_share==good", "expected a limit such as"),
+    ],
+)
+def test_words_are_compared_with_words(text: str, expected: str) -> None:
+    with pytest.raises(DataError, match=expected):
+        Limit.parse(text)
+
+
+def test_a_limit_on_the_verdict() -> None:
+    limit = Limit.parse("verdict!=good")
+    limit.check({"verdict": "good"}, "a.mcap")
+    with pytest.raises(QualityError) as failure:
+        limit.check(SUMMARY.values(), "a.mcap")
+    assert str(failure.value) == "a.mcap: verdict is bad; expected not verdict!=good (--fail-if)"
 
 
 def test_a_limit_on_nothing() -> None:

@@ -82,6 +82,10 @@ class Perception:
         return Perception(moved[:hits], moved[hits:n], moved[n], Sweep(seconds, motion))
 
 
+NOTHING_SEEN = Perception(np.empty((0, 2)), np.empty((0, 2)), np.zeros(2))
+"""The perception before the first scan."""
+
+
 def perceive(scan: RangeScan, parameters: PerceptionParameters) -> Perception:
     """The perception map of a scan: obstacles at the ends of its beams, and open space along them.
 

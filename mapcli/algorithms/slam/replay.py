@@ -9,12 +9,15 @@ from itertools import pairwise
 from mapcli.algorithms.scans.mount_check import MountCheck
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.slam.back_end import BackEndResult
+from mapcli.algorithms.slam.contradictions import ScanSample, compare_scans
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
+from mapcli.algorithms.slam.verdict import map_reasons, verdict_of
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.log import Damage
 from mapcli.model.pose import Pose2D
+from mapcli.model.reason import Reason
 from mapcli.model.scan import RangeScan, Record
 from mapcli.model.summary import ReplaySummary
 from mapcli.model.trace import PoseTrace, TracedPose
@@ -89,12 +92,14 @@ class ReplayRun:
         self.kept: dict[int, RangeScan] = {}
         self.mount = MountCheck()
         self._keep, self._scans_read = keep, 0
+        self._sample = ScanSample()
 
     def track(self, records: Iterable[Record]) -> Iterator[TracedPose]:
         """Every scan with its pose, as the log goes on."""
         scans = odometry_at_scans(self._noted(records))
         for scan, odom in self.mount.watched(scans):
             self.poses.append(self.slam.step(scan, odom))
+            self._sample.add(self.poses[-1].pose, self.slam.perception)
             yield self.poses[-1]
 
     def _noted(self, records: Iterable[Record]) -> Iterator[Record]:
@@ -148,6 +153,7 @@ class ReplayRun:
         self, trace: PoseTrace, damage: Damage, skipped: Mapping[str, int]
     ) -> ReplaySummary:
         statuses = [pose.status for pose in self.poses]
+        reasons = self._reasons(trace)
         return ReplaySummary(
             scans=len(self.poses) + sum(skipped.values()),
             used=len(self.poses),
@@ -164,4 +170,13 @@ class ReplayRun:
             damage=dict(damage.counts),
             interrupted=self.interrupted,
             lost_share=damage.lost_share,
+            verdict=verdict_of(reasons),
+            reasons=reasons,
         )
+
+    def _reasons(self, trace: PoseTrace) -> tuple[Reason, ...]:
+        """What speaks against the map."""
+        poses = [traced.pose for traced in trace.poses]
+        sampled = [one for one in self._sample.scans if one.scan < len(poses)]
+        is_closing = self.slam.parameters.loops is not None
+        return map_reasons(trace.poses, compare_scans(sampled, poses), is_closing=is_closing)

@@ -22,7 +22,12 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
-from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
+from mapcli.algorithms.scans.perception import (
+    NOTHING_SEEN,
+    Perception,
+    PerceptionParameters,
+    perceive,
+)
 from mapcli.algorithms.slam.back_end import BackEndResult, finalise
 from mapcli.algorithms.slam.global_localization import localize_globally
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
@@ -97,6 +102,7 @@ class Slam:
         pose: c, the current position, in the map; the first scan is taken at the start pose.
         odometry: dead reckoning and its uncertainty; faults: hypotheses about odometry that fails.
         trajectory: all poses until now, and the keyframes, for the back end.
+        perception: p, of the last scan.
     """
 
     def __init__(
@@ -114,6 +120,7 @@ class Slam:
         self.faults = OdometryFaults()
         self._detects_faults = p.detect_odometry_faults and p.match.search == "window"
         self.trajectory = TrackedTrajectory()
+        self.perception = NOTHING_SEEN
         self._history, self._has_begun = MatchHistory(FIRST_SCORE), False
 
     @property
@@ -133,6 +140,7 @@ class Slam:
         motion = self.faults.motion(scan.stamp_ns, counted)
         n = c.compose(motion or Pose2D())  # 3: new position based on odometry
         p = perceive(scan, self.parameters.perception)  # 4: analyze sensor data
+        self.perception = p
         b = Match(n, 0.0, 0, found=False)
         if not self._is_localized:
             b = self._localize_globally(p)

@@ -1,0 +1,199 @@
+"""Does a map agree with itself? Scans that see walls where other scans saw through.
+
+Mean scores do not tell: a robot that is lost fits every scan well into the map that it makes just
+then. But where it comes back to a place, beams of the two visits meet. In a right map the ends of
+one visit's beams lie on walls that the other visit hit as well; in a torn one they lie where the
+other saw nothing for metres. What moved, people and doors, is a small part of what a scan sees.
+
+Each of some hundred scans, spread evenly over the way, is compared twice: with all scans taken
+`APART_M` or more of way before or after (places passed twice), and with those taken nearer by
+(tracking). The measure needs no parameter of the sensor, and no reference.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.algorithms.scans.perception import Perception
+from mapcli.algorithms.slam._kernels.views import (
+    Compared,
+    ViewCounts,
+    compare_view,
+    count_view,
+)
+from mapcli.algorithms.slam.scan_points import voxel_filtered
+from mapcli.model.pose import Pose2D
+
+CELL_M = 0.1
+"""Of the grid of comparison, metres: walls that differ by less than about two cells agree, as laser
+noise and thin walls seen from both sides must."""
+
+MOST_CELLS = 16_000_000
+"""Of that grid; its cells grow where the map is larger."""
+
+REACH_M = 15.0
+"""Metres; farther ends are sparse and uncertain."""
+
+APART_M = 10.0
+"""Metres of way between two visits."""
+
+MOST_SCANS = 400
+"""Scans that are compared, at most; half as many at least, after a long drive."""
+
+FIRST_STEP_M = 0.5
+"""Metres (or radians, halved) between two of them at first; doubled whenever they are too many."""
+
+TURN_M = 0.5
+"""Metres that a radian of turning counts as."""
+
+FEWEST_ENDS, LEAST_SHARE = 10, 0.3
+"""Ends, and share of a scan's ends, that others must have seen for a comparison to count."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledScan:
+    """A scan that is compared.
+
+    Attributes:
+        scan: its number.
+        ends: shape (n, 2), float32, of its beams, one in each cell, in the robot's frame, metres.
+        laser: shape (2,), where they start.
+    """
+
+    scan: int
+    ends: NDArray[np.float32]
+    laser: NDArray[np.float64]
+
+
+class ScanSample:
+    """Scans spread evenly over the way (stateful: `add` takes or leaves each scan of a log).
+
+    Attributes:
+        scans: in time order, at most `MOST_SCANS`.
+    """
+
+    def __init__(self) -> None:
+        self.scans: list[SampledScan] = []
+        self._step, self._way, self._next = FIRST_STEP_M, 0.0, 0.0
+        self._last: Pose2D | None = None
+        self._count = 0
+
+    def add(self, pose: Pose2D, perception: Perception) -> None:
+        """The next scan, with its pose as tracked."""
+        number, self._count = self._count, self._count + 1
+        if self._last is not None:
+            turn = abs(self._last.between(pose).theta)
+            self._way += self._last.distance(pose) + TURN_M * turn
+        self._last = pose
+        if self._way < self._next:
+            return
+        self._next = self._way + self._step
+        away = np.hypot(*(perception.hits - perception.laser).T)
+        ends = voxel_filtered(perception.hits[away < REACH_M], CELL_M).astype(np.float32)
+        self.scans.append(SampledScan(number, ends, perception.laser))
+        if len(self.scans) > MOST_SCANS:
+            del self.scans[1::2]
+            self._step *= 2
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """How one scan agrees with the others.
+
+    Attributes:
+        scan: its number.
+        apart: contradicted share of its ends, by scans of other visits; None where there were none.
+        near: the same by scans nearby.
+    """
+
+    scan: int
+    apart: float | None
+    near: float | None
+
+
+def compare_scans(scans: Sequence[SampledScan], poses: Sequence[Pose2D]) -> list[Agreement]:
+    """How each of the scans agrees with the others in the map.
+
+    Args:
+        scans: of a `ScanSample`; poses: of every scan of the log, in the map.
+    """
+    placed = _Placed.of([scan for scan in scans if len(scan.ends)], poses)
+    if placed is None:
+        return []
+    apart, near = placed.nothing(), placed.nothing()
+    for k in range(len(placed.ends)):
+        placed.count(apart, k, 1)
+    found, first, last = [], 0, 0
+    for k, way in enumerate(placed.way):
+        while last < len(placed.way) and placed.way[last] <= way + APART_M:
+            placed.count(near, last, 1)
+            placed.count(apart, last, -1)
+            last += 1
+        while placed.way[first] < way - APART_M:
+            placed.count(near, first, -1)
+            placed.count(apart, first, 1)
+            first += 1
+        by_others = compare_view(apart, placed.ends[k])
+        placed.count(near, k, -1)
+        by_neighbours = compare_view(near, placed.ends[k])
+        placed.count(near, k, 1)
+        size = len(placed.ends[k])
+        shares = _share(by_others, size), _share(by_neighbours, size)
+        found.append(Agreement(placed.scans[k], *shares))
+    return found
+
+
+def _share(compared: Compared, size: int) -> float | None:
+    seen = compared.confirmed + compared.contradicted
+    if seen < max(FEWEST_ENDS, LEAST_SHARE * size):
+        return None
+    return compared.contradicted / seen
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """Scans at their poses, in cells of the grid of comparison.
+
+    Attributes:
+        scans: their numbers; way: metres driven until each.
+        ends: shape (n, 2) each, (u, v); starts: shape (2,) each.
+        shape: rows and columns of the grid.
+    """
+
+    scans: list[int]
+    way: list[float]
+    ends: list[NDArray[np.float32]]
+    starts: list[NDArray[np.float64]]
+    shape: tuple[int, int]
+
+    @classmethod
+    def of(cls, scans: Sequence[SampledScan], poses: Sequence[Pose2D]) -> _Placed | None:
+        if not scans:
+            return None
+        xy = np.array([(pose.x, pose.y) for pose in poses])
+        way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+        ends = [poses[one.scan].apply(one.ends.astype(np.float64)) for one in scans]
+        starts = [poses[one.scan].apply(one.laser[None])[0] for one in scans]
+        low = np.min([np.minimum(e.min(axis=0), s) for e, s in zip(ends, starts, strict=True)], 0)
+        high = np.max([np.maximum(e.max(axis=0), s) for e, s in zip(ends, starts, strict=True)], 0)
+        width, height = (high - low).tolist()
+        cell = max(CELL_M, math.sqrt(width * height / MOST_CELLS))
+        corner = low - 2 * cell
+        return cls(
+            [one.scan for one in scans],
+            [float(way[one.scan]) for one in scans],
+            [((e - corner) / cell).astype(np.float32) for e in ends],
+            [(s - corner) / cell for s in starts],
+            (int(height / cell) + 5, int(width / cell) + 5),
+        )
+
+    def nothing(self) -> ViewCounts:
+        return ViewCounts(np.zeros(self.shape, np.int16), np.zeros(self.shape, np.int16))
+
+    def count(self, counts: ViewCounts, k: int, sign: int) -> None:
+        count_view(counts, self.ends[k], self.starts[k], sign)

@@ -1,0 +1,148 @@
+"""The verdict on a map: may it be trusted, and if not, why and where.
+
+What counts against a map is evidence, not a low score: scans that other scans contradict
+(`contradictions`), stretches by odometry alone, a long way on which nothing was seen twice. Each
+is a reason with its time span; the worst decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import groupby, pairwise
+
+from mapcli.algorithms.slam.contradictions import Agreement
+from mapcli.model.reason import Reason, ReasonKind, Verdict
+from mapcli.model.trace import TracedPose
+
+CONTRADICTED = 0.4
+"""Share of a scan's ends from which on it contradicts the others. People and doors are less of
+what a scanner sees; a tear of more than its walls' thickness is more."""
+
+FEW, MANY = 0.03, 0.1
+"""Shares of the compared scans that contradict: from the first on a map is doubtful, from the
+second on bad. A piece of a map that is torn shows in the scans of both visits."""
+
+FEWEST = 3
+"""Scans that must contradict for a reason: one may stand where something moved."""
+
+ALONE_M = 2.0
+"""Metres by odometry alone, at a stretch, that make a map doubtful: wheels err by a tenth of what
+they count, so that the map is off by more than a wall's thickness."""
+
+UNSEEN_M = 150.0
+"""Metres of way, at a stretch, of which nothing was seen on another visit. Tracking drifts by some
+tenths of a percent of the way, mostly by its heading: what is so long may be off by half a metre,
+and nothing would tell."""
+
+APART_S = 10.0
+"""Seconds between contradicting scans that are told as one span."""
+
+MOST_SPANS = 20
+"""Reasons of a kind that are told, the longest ones."""
+
+
+def map_reasons(
+    poses: Sequence[TracedPose], agreements: Sequence[Agreement], *, is_closing: bool
+) -> tuple[Reason, ...]:
+    """What makes a map doubtful or bad, of the map itself.
+
+    Args:
+        poses: of every scan, as they are in the map.
+        agreements: of some of the scans, in time order.
+        is_closing: whether loops were searched for.
+    """
+    if not poses:
+        return ()
+    run = _Run(poses, agreements)
+    remedy = "--no-loop-closing" if is_closing else "--loop-closing"
+    return (
+        *run.contradicting("walls_twice", lambda one: one.apart, remedy),
+        *run.contradicting("torn", lambda one: one.near, ""),
+        *run.by_odometry_alone(),
+        *run.never_seen_again(),
+    )
+
+
+def verdict_of(reasons: Iterable[Reason]) -> Verdict:
+    """The worst that a reason says."""
+    found = {reason.verdict for reason in reasons}
+    return "bad" if "bad" in found else "doubtful" if "doubtful" in found else "good"
+
+
+class _Run:
+    """Poses with the seconds and metres until each."""
+
+    def __init__(self, poses: Sequence[TracedPose], agreements: Sequence[Agreement]) -> None:
+        self.poses, self.agreements = poses, agreements
+        self.seconds = [(pose.stamp_ns - poses[0].stamp_ns) * 1e-9 for pose in poses]
+        self.metres = [0.0]
+        for last, pose in pairwise(poses):
+            self.metres.append(self.metres[-1] + last.pose.distance(pose.pose))
+
+    def contradicting(
+        self, kind: ReasonKind, share: Callable[[Agreement], float | None], remedy: str
+    ) -> Iterator[Reason]:
+        """Spans of scans that others contradict, if they are more than a few."""
+        compared = [one for one in self.agreements if share(one) is not None]
+        against = [one.scan for one in compared if (share(one) or 0.0) > CONTRADICTED]
+        if len(against) < max(FEWEST, FEW * len(compared)):
+            return
+        verdict: Verdict = "bad" if len(against) >= MANY * len(compared) else "doubtful"
+        for first, last in _longest(self._spans(against)):
+            text = (
+                "walls that another visit saw through: the places do not meet"
+                if kind == "walls_twice"
+                else "walls that scans nearby saw through: tracking was lost"
+            )
+            yield self._reason(kind, verdict, first, last, text, remedy)
+
+    def _spans(self, scans: Sequence[int]) -> list[tuple[int, int]]:
+        """Scans as spans, first and last, parted where nothing contradicts for a while."""
+        spans = [(scans[0], scans[0])]
+        for scan in scans[1:]:
+            first, last = spans[-1]
+            if self.seconds[scan] - self.seconds[last] <= APART_S:
+                spans[-1] = first, scan
+            else:
+                spans.append((scan, scan))
+        return spans
+
+    def by_odometry_alone(self) -> Iterator[Reason]:
+        """Stretches at which the map said nothing of the robot's pose."""
+        spans = []
+        for status, group in groupby(range(len(self.poses)), key=lambda k: self.poses[k].status):
+            scans = list(group)
+            before = max(scans[0] - 1, 0)
+            if status == "odometry" and self._way(before, scans[-1]) > ALONE_M:
+                spans.append((before, scans[-1]))
+        for first, last in _longest(spans):
+            text = f"{self._way(first, last):.0f} m by odometry alone: no scan fitted the map"
+            yield self._reason("odometry_alone", "doubtful", first, last, text)
+
+    def never_seen_again(self) -> Iterator[Reason]:
+        """Stretches of way that no other visit confirms."""
+        seen = [one.scan for one in self.agreements if one.apart is not None]
+        spans = zip([0, *seen], [*seen, len(self.poses) - 1], strict=True)
+        for first, last in _longest([s for s in spans if self._way(*s) > UNSEEN_M]):
+            text = f"{self._way(first, last):.0f} m on which nothing was seen twice"
+            yield self._reason("unconfirmed", "doubtful", first, last, text)
+
+    def _way(self, first: int, last: int) -> float:
+        return self.metres[last] - self.metres[first]
+
+    def _reason(
+        self,
+        kind: ReasonKind,
+        verdict: Verdict,
+        first: int,
+        last: int,
+        text: str,
+        remedy: str = "",
+    ) -> Reason:
+        return Reason(kind, self.seconds[first], self.seconds[last], text, remedy, verdict)
+
+
+def _longest(spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """The longest spans, in time order."""
+    chosen = sorted(spans, key=lambda span: (span[0] - span[1], span[0]))[:MOST_SPANS]
+    return sorted(chosen)

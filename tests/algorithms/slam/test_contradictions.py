@@ -1,0 +1,79 @@
+"""Scans of a room that is seen twice, and what they say of a map that is torn."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from support.looping import laps, ring, see
+
+from mapcli.algorithms.scans.perception import NOTHING_SEEN
+from mapcli.algorithms.slam.contradictions import (
+    MOST_SCANS,
+    SampledScan,
+    ScanSample,
+    compare_scans,
+)
+from mapcli.algorithms.slam.verdict import CONTRADICTED
+from mapcli.model.pose import Pose2D
+
+
+def sampled(poses: list[Pose2D]) -> ScanSample:
+    """Scans around the ring."""
+    sample, edges = ScanSample(), ring()
+    for pose in poses:
+        sample.add(pose, see(edges, pose))
+    return sample
+
+
+TRUE = laps(150.0)
+SAMPLE = sampled(TRUE)
+HALF = len(TRUE) // 2
+
+
+def test_a_right_map_has_no_contradictions() -> None:
+    found = compare_scans(SAMPLE.scans, TRUE)
+    apart = [one.apart for one in found if one.apart is not None]
+    near = [one.near for one in found if one.near is not None]
+    assert len(apart) > len(found) / 2
+    assert max(apart) < 0.1
+    assert max(near) < 0.2
+
+
+@pytest.mark.parametrize("tear", [Pose2D(0.5, 0.5), Pose2D(0.0, 0.0, math.radians(3))])
+def test_a_second_lap_beside_the_first_contradicts_it(tear: Pose2D) -> None:
+    torn = [*TRUE[:HALF], *(tear.compose(pose) for pose in TRUE[HALF:])]
+    apart = [one.apart for one in compare_scans(SAMPLE.scans, torn) if one.apart is not None]
+    assert np.mean([share > CONTRADICTED for share in apart]) > 0.1
+
+
+def test_tracking_that_is_lost_contradicts_its_neighbours() -> None:
+    lost = [pose.compose(Pose2D(0.0, 0.6 * (k // 3 % 2))) for k, pose in enumerate(TRUE)]
+    near = [one.near for one in compare_scans(SAMPLE.scans, lost) if one.near is not None]
+    assert np.mean([share > CONTRADICTED for share in near]) > 0.1
+
+
+def test_a_sample_is_spread_over_the_way_and_bounded() -> None:
+    sample = ScanSample()
+    for k in range(5000):
+        sample.add(Pose2D(0.3 * k), NOTHING_SEEN)
+    numbers = [one.scan for one in sample.scans]
+    assert MOST_SCANS / 2 <= len(numbers) <= MOST_SCANS
+    assert numbers[0] == 0
+    assert numbers[-1] > 4900
+    steps = np.diff(numbers)
+    assert steps.max() <= 2 * steps.min()
+
+
+def test_a_robot_that_stands_is_sampled_once() -> None:
+    sample = ScanSample()
+    for _ in range(100):
+        sample.add(Pose2D(), NOTHING_SEEN)
+    assert len(sample.scans) == 1
+
+
+def test_nothing_to_compare() -> None:
+    blind = SampledScan(0, np.empty((0, 2), np.float32), np.zeros(2))
+    assert compare_scans([], [Pose2D()]) == []
+    assert compare_scans([blind], [Pose2D()]) == []

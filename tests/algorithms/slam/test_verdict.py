@@ -1,0 +1,93 @@
+"""What speaks against a map, in cases made by hand: a scan a second, a metre apart."""
+
+from __future__ import annotations
+
+import pytest
+
+from mapcli.algorithms.slam.contradictions import Agreement
+from mapcli.algorithms.slam.verdict import UNSEEN_M, map_reasons, verdict_of
+from mapcli.model.pose import Pose2D
+from mapcli.model.reason import Reason, Verdict
+from mapcli.model.trace import Status, TracedPose
+
+
+def driven(count: int, alone: range = range(0)) -> list[TracedPose]:
+    def status(k: int) -> Status:
+        return "odometry" if k in alone else "matched"
+
+    return [
+        TracedPose(5_000_000_000 + k * 1_000_000_000, Pose2D(float(k)), None, 0.9, status(k))
+        for k in range(count)
+    ]
+
+
+def agreements(count: int, against: range = range(0)) -> list[Agreement]:
+    return [Agreement(k, 0.5 if k in against else 0.02, 0.0) for k in range(count)]
+
+
+def reasons(
+    poses: list[TracedPose], found: list[Agreement], *, is_closing: bool = True
+) -> tuple[Reason, ...]:
+    return map_reasons(poses, found, is_closing=is_closing)
+
+
+def test_a_map_that_agrees_with_itself_is_good() -> None:
+    assert reasons(driven(100), agreements(100)) == ()
+    assert verdict_of(()) == "good"
+
+
+@pytest.mark.parametrize(
+    ("against", "verdict"),
+    [(range(2), "good"), (range(20, 24), "doubtful"), (range(20, 30), "bad")],
+)
+def test_contradictions_count_by_their_share(against: range, verdict: Verdict) -> None:
+    found = reasons(driven(100), agreements(100, against))
+    assert verdict_of(found) == verdict
+    if found:
+        assert found[0].kind == "walls_twice"
+        assert (found[0].from_s, found[0].to_s) == (against[0], against[-1])
+        assert found[0].remedy == "--no-loop-closing"
+
+
+def test_spans_are_parted_where_nothing_contradicts_for_a_while() -> None:
+    found = agreements(100)
+    for k in (10, 11, 18, 40, 41):
+        found[k] = Agreement(k, 0.9, 0.0)
+    spans = [(one.from_s, one.to_s) for one in reasons(driven(100), found, is_closing=False)]
+    assert spans == [(10, 18), (40, 41)]
+    assert reasons(driven(100), found, is_closing=False)[0].remedy == "--loop-closing"
+
+
+def test_scans_nearby_tell_that_tracking_was_lost() -> None:
+    found = [Agreement(k, None, 0.4 if 50 <= k < 70 else 0.0) for k in range(100)]
+    (torn,) = reasons(driven(100), found)
+    assert (torn.kind, torn.verdict, torn.from_s, torn.to_s) == ("torn", "bad", 50, 69)
+
+
+def test_a_stretch_by_odometry_alone_is_doubtful() -> None:
+    (alone,) = reasons(driven(100, range(30, 34)), agreements(100))
+    assert (alone.kind, alone.from_s, alone.to_s) == ("odometry_alone", 29, 33)
+    assert alone.text == "4 m by odometry alone: no scan fitted the map"
+    assert verdict_of([alone]) == "doubtful"
+
+
+def test_a_scan_by_odometry_alone_is_not() -> None:
+    assert reasons(driven(100, range(30, 32)), agreements(100)) == ()
+
+
+def test_a_long_way_of_which_nothing_is_seen_again_is_doubtful() -> None:
+    length = int(UNSEEN_M) + 50
+    found = [Agreement(k, 0.0 if k < 20 else None, 0.0) for k in range(length)]
+    (unseen,) = reasons(driven(length), found)
+    assert (unseen.kind, unseen.verdict) == ("unconfirmed", "doubtful")
+    assert (unseen.from_s, unseen.to_s) == (19, length - 1)
+    assert reasons(driven(100), [Agreement(k, None, 0.0) for k in range(100)]) == ()
+
+
+def test_the_worst_reason_decides() -> None:
+    doubtful = Reason("unconfirmed", 0, 1, "", "", "doubtful")
+    assert verdict_of([doubtful, Reason("range_unit", 0, 1, "")]) == "bad"
+
+
+def test_no_scans_no_reasons() -> None:
+    assert map_reasons([], [], is_closing=True) == ()
