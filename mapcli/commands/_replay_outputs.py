@@ -19,7 +19,7 @@ from mapcli.formats.maps.save import SUFFIXES, Pieces, SaveOptions, map_files
 from mapcli.formats.output import output_set
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
-from mapcli.model.reason import Reason
+from mapcli.model.reason import DESCRIPTIONS, Reason
 from mapcli.model.summary import ReplaySummary
 from mapcli.model.trace import PoseTrace
 
@@ -220,7 +220,8 @@ def _verdict_rows(summary: ReplaySummary) -> Iterator[tuple[str, str]]:
     """The verdict, last of the report, after its reasons: one line of each kind."""
     kinds: dict[str, list[Reason]] = {}
     for reason in summary.reasons:
-        kinds.setdefault(reason.kind, []).append(reason)
+        if reason.kind not in DESCRIPTIONS:  # these were said already
+            kinds.setdefault(reason.kind, []).append(reason)
     for reasons in kinds.values():
         spans = [f"{one.from_s:,.0f} to {one.to_s:,.0f} s" for one in reasons]
         more = f" and {len(spans) - MOST_SPANS} more" if len(spans) > MOST_SPANS else ""

@@ -26,6 +26,9 @@ metres, angles are no radians; `walls_twice`: places passed twice do not meet; `
 those taken just before and after contradict; `odometry_alone`: no scan fitted the map;
 `unconfirmed`: a long way of which nothing was seen on another visit."""
 
+DESCRIPTIONS = frozenset[ReasonKind](("laser_mirrored", "laser_turned", "range_unit", "angle_unit"))
+"""Those that are faults of how the log is described, and are mended by an option."""
+
 
 @dataclass(frozen=True)
 class Reason:

@@ -107,7 +107,8 @@ def test_single_outputs_are_all_that_is_written(
     assert files() == written
     heard = capsys.readouterr()
     assert heard.out == ""
-    last = heard.err.splitlines()[-1].split(maxsplit=1)
+    last, verdict = (line.split(maxsplit=1) for line in heard.err.splitlines()[-2:])
+    assert verdict == ["verdict", "good"]
     assert last[0] == "written"
     assert all(Path(file).name in last[1] for file in written)
 
@@ -157,7 +158,7 @@ def test_the_summary(corridor: Trace) -> None:
     assert list(summary) == [
         "scans", "used", "used_share", "lost_share", "matched", "odometry", "skipped",
         "distance_m", "duration_s", "loops", "mean_score", "odometry_jumps", "odometry_faults",
-        "odometry_catch_ups", "damage", "interrupted", "reasons",
+        "odometry_catch_ups", "damage", "interrupted", "verdict", "reasons",
     ]  # fmt: skip
     assert (summary["scans"], summary["used"], summary["used_share"]) == (50, 50, 1)
     assert summary["lost_share"] == 0
@@ -317,7 +318,7 @@ def test_json_on_standard_output_is_alone_there(
     assert alone.pop("files") == []
     assert [one["file"] for one in beside.pop("files")] == ["map.pgm", "map.yaml", "map.png"]
     assert alone == beside
-    assert heard.err.splitlines()[-1] == b"      written  standard output"
+    assert heard.err.splitlines()[-2] == b"      written  standard output"
     assert files() == []
 
 

@@ -41,7 +41,7 @@ def test_a_right_map_has_no_contradictions() -> None:
     assert max(near) < 0.2
 
 
-@pytest.mark.parametrize("tear", [Pose2D(0.5, 0.5), Pose2D(0.0, 0.0, math.radians(3))])
+@pytest.mark.parametrize("tear", [Pose2D(0.5, 0.5), Pose2D(0.0, 0.0, math.radians(6))])
 def test_a_second_lap_beside_the_first_contradicts_it(tear: Pose2D) -> None:
     torn = [*TRUE[:HALF], *(tear.compose(pose) for pose in TRUE[HALF:])]
     apart = [one.apart for one in compare_scans(SAMPLE.scans, torn) if one.apart is not None]
@@ -63,7 +63,7 @@ def test_a_sample_is_spread_over_the_way_and_bounded() -> None:
     assert numbers[0] == 0
     assert numbers[-1] > 4900
     steps = np.diff(numbers)
-    assert steps.max() <= 2 * steps.min()
+    assert steps.max() <= 3 * steps.min()  # a step that was just doubled, beside one that was not
 
 
 def test_a_robot_that_stands_is_sampled_once() -> None:
