@@ -12,6 +12,7 @@ from itertools import groupby, pairwise
 
 from mapcli.algorithms.slam.contradictions import Agreement
 from mapcli.model.reason import Reason, ReasonKind, Verdict
+from mapcli.model.scan import NANOSECONDS
 from mapcli.model.trace import TracedPose
 
 CONTRADICTED = 0.4
@@ -74,7 +75,7 @@ class _Run:
 
     def __init__(self, poses: Sequence[TracedPose], agreements: Sequence[Agreement]) -> None:
         self.poses, self.agreements = poses, agreements
-        self.seconds = [(pose.stamp_ns - poses[0].stamp_ns) * 1e-9 for pose in poses]
+        self.seconds = [(pose.stamp_ns - poses[0].stamp_ns) / NANOSECONDS for pose in poses]
         self.metres = [0.0]
         for last, pose in pairwise(poses):
             self.metres.append(self.metres[-1] + last.pose.distance(pose.pose))
