@@ -59,7 +59,7 @@ def test_spans_are_parted_where_nothing_contradicts_for_a_while() -> None:
 
 
 def test_scans_nearby_tell_that_tracking_was_lost() -> None:
-    found = [Agreement(k, None, 0.4 if 50 <= k < 70 else 0.0) for k in range(100)]
+    found = [Agreement(k, None, 0.5 if 50 <= k < 70 else 0.0) for k in range(100)]
     (torn,) = reasons(driven(100), found)
     assert (torn.kind, torn.verdict, torn.from_s, torn.to_s) == ("torn", "bad", 50, 69)
 
