@@ -123,6 +123,8 @@ def _scans(log: Log, check: LogCheck) -> dict[str, Any]:
         "bearings_deg": [round(math.degrees(bearing), 4) for bearing in check.bearings],
         "range_min": check.range_limits[0],
         "range_max": check.range_limits[1] if math.isfinite(check.range_limits[1]) else None,
+        "turn_time_s": round(check.turn_time_s, 6),
+        "sweep_time_s": round(check.sweep_time_s, 6),
         "no_return_share": round(beams.no_return / max(beams.total, 1), 6),
         "too_close_share": round(beams.too_close / max(beams.total, 1), 6),
         "invalid_share": round(beams.invalid / max(beams.total, 1), 6),
@@ -231,6 +233,11 @@ def _scan_lines(scans: dict[str, Any]) -> Iterator[str]:
     period = f", every {scans['period_s']:g} s" if scans["count"] > 1 else ""
     field = f"from {low:g} to {high:g} deg{limit}"
     yield f"  scans       {scans['count']:,}{period}; {beams} beams {field}"
+    if scans["turn_time_s"]:
+        yield (
+            f"  turn        {scans['turn_time_s']:g} s, and {scans['sweep_time_s']:g} s from the "
+            "first beam of a scan to the last"
+        )
     yield (
         f"  beams       {scans['no_return_share']:.1%} without return, "
         f"{scans['too_close_share']:.1%} too close, {scans['invalid_share']:.1%} invalid"

@@ -205,6 +205,7 @@ def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> Non
         ),
         ("matched", f"{summary.matched:,}; by odometry alone {summary.odometry:,}"),
         ("mean score", f"{score} (1 is perfect agreement with the map)"),
+        *([("laser", summary.sweep.text())] if summary.sweep else []),
         ("odometry", f"{summary.odometry_jumps:,} jumps not believed{faults}"),
         ("driven", f"{summary.distance_m:,.1f} m in {summary.duration_s:,.1f} s"),
         ("loops closed", f"{summary.loops:,}"),

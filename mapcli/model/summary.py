@@ -10,6 +10,7 @@ from typing import Any
 
 from mapcli.errors import DataError, QualityError
 from mapcli.model.reason import VERDICTS, Reason, Verdict
+from mapcli.model.sweep_summary import SweepSummary
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,7 @@ class ReplaySummary:
             how many it held.
         interrupted: the replay was stopped early; the result is of the part before.
         verdict: may the map be trusted; reasons: why not, and when.
+        sweep: of scans whose beams were taken one after another; None if all were taken at once.
         seconds: what the replay took; left out of files, which must not depend on the machine.
     """
 
@@ -54,6 +56,7 @@ class ReplaySummary:
     lost_share: float = field(default=0.0)
     verdict: Verdict = "good"
     reasons: tuple[Reason, ...] = ()
+    sweep: SweepSummary | None = None
     seconds: float = field(default=0.0)
 
     @property
@@ -82,6 +85,7 @@ class ReplaySummary:
             "odometry_jumps": self.odometry_jumps,
             "odometry_faults": self.odometry_faults,
             "odometry_catch_ups": self.odometry_catch_ups,
+            **({} if self.sweep is None else {"sweep": self.sweep.document()}),
             "damage": dict(self.damage),
             "interrupted": self.interrupted,
             "verdict": self.verdict,

@@ -13,8 +13,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.model.pose import Pose2D
-
 ScanStamp = Literal["first", "middle", "last"]
 """Which beam the stamp of a scan is of, in the order in which they are taken."""
 
@@ -109,30 +107,6 @@ class SweepMotion:
         sin: NDArray[np.float64] = np.sin(theta)
         return poses[:, 0], poses[:, 1], cos, sin
 
-    def corrected(self, before: Pose2D, after: Pose2D) -> SweepMotion:
-        """The motion with an error taken out that grows with the time from the stamp.
-
-        Args:
-            before, after: what the robot moved more than this says, per second, before and after
-                the stamp: metres and radians per second.
-        """
-        rates = np.array([[r.x, r.y, r.theta] for r in (before, after)])
-        more = self.seconds[:, None] * rates[(self.seconds > 0).astype(np.int64)]
-        x, y, theta = self.poses.T
-        cos, sin = np.cos(theta), np.sin(theta)
-        moved = [x + cos * more[:, 0] - sin * more[:, 1], y + sin * more[:, 0] + cos * more[:, 1]]
-        return SweepMotion(self.seconds, np.column_stack([*moved, theta + more[:, 2]]))
-
 
 STILL = SweepMotion(np.zeros(1), np.zeros((1, 3)))
-
-
-def error_rate(counted: Pose2D, found: Pose2D, seconds: float) -> Pose2D:
-    """What the robot moved more than was counted, per second.
-
-    Args:
-        counted, found: the motion from a scan's stamp to a moment `seconds` later (earlier, if
-            negative), by odometry and in truth, in the robot's frame at the stamp.
-    """
-    error = counted.between(found)
-    return Pose2D(error.x / seconds, error.y / seconds, error.theta / seconds)
+"""Of a robot that stands."""

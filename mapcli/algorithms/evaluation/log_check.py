@@ -14,6 +14,7 @@ from mapcli.algorithms.scans.mount_check import MountCheck, MountFinding
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.model.pose import wrap_angle
 from mapcli.model.scan import Odometry, RangeScan, Record
+from mapcli.model.sweep_summary import turn_time
 
 GAP_PERIODS = 5.0
 """A gap is longer than this many periods (the longer of median and mean)..."""
@@ -58,6 +59,8 @@ class LogCheck:
         scans, odometry: their timing.
         beams: fewest and most beams of a scan.
         bearings: least and greatest bearing in the laser's frame.
+        turn_time_s: of a full turn of the laser, at most; sweep_time_s: from the first beam of a
+            scan to the last; 0 if all beams are taken at once.
         range_limits: least `range_min` and greatest `range_max` of the scans.
         repeated_scans: scans with the same ranges as the one before.
         scans_outside_odometry: scans before the first or after the last odometry.
@@ -75,6 +78,8 @@ class LogCheck:
     beams: tuple[int, int]
     bearings: tuple[float, float]
     range_limits: tuple[float, float]
+    turn_time_s: float
+    sweep_time_s: float
     repeated_scans: int
     scans_outside_odometry: int
     distance_m: float
@@ -94,6 +99,7 @@ class _LogFacts:
         self.beams = [math.inf, 0.0]
         self.bearings = [math.inf, -math.inf]
         self.limits = [math.inf, 0.0]
+        self.turn_s = self.sweep_s = 0.0
         self.repeated = self.jumps = 0
         self.distance = self.turned = 0.0
         self.first_jump_at_s: float | None = None
@@ -125,6 +131,8 @@ class _LogFacts:
             (self.limits, scan.range_min, scan.range_max),
         ):
             extremes[0], extremes[1] = min(extremes[0], least), max(extremes[1], most)
+        self.turn_s = max(self.turn_s, turn_time(scan))
+        self.sweep_s = max(self.sweep_s, scan.timing.span(n))
         last = self._last_scan
         if last is not None and np.array_equal(last.ranges, scan.ranges, equal_nan=True):
             self.repeated += 1
@@ -160,6 +168,8 @@ class _LogFacts:
             (int(min(self.beams)) if len(scans) else 0, int(self.beams[1])),
             (self.bearings[0], self.bearings[1]) if len(scans) else (0.0, 0.0),
             (self.limits[0], self.limits[1]) if len(scans) else (0.0, 0.0),
+            self.turn_s,
+            self.sweep_s,
             self.repeated,
             outside,
             self.distance,

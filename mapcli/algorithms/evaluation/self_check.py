@@ -20,8 +20,10 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.evaluation.relations import evaluate_relations
 from mapcli.algorithms.evaluation.trajectory_error import nearest_stamps
+from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.slam.agreement import agreement
+from mapcli.algorithms.slam.beam_order import BeamOrderSearch
 from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.match import MIN_POINTS, MatchParameters
 from mapcli.algorithms.slam.motion_model import OdometryUncertainty
@@ -31,7 +33,7 @@ from mapcli.algorithms.slam.scan_points import voxel_filtered
 from mapcli.errors import DataError
 from mapcli.model.evaluation import Evaluation
 from mapcli.model.pose import Pose2D, interpolate
-from mapcli.model.scan import RangeScan, Record
+from mapcli.model.scan import Record
 from mapcli.model.se2_uncertainty import StandardDeviations
 from mapcli.model.trajectory import Relations, Stamps, Trajectory, wrap_angles
 
@@ -152,11 +154,10 @@ def _scans_of(
     """
     assert trace.stamps_ns is not None
     stamps, scans = trace.stamps_ns[wanted], dict[int, Perception]()
-    for record in records:
-        if isinstance(record, RangeScan):
-            at, _ = nearest_stamps(stamps, np.array([record.stamp_ns]), SAME_STAMP_S)
-            if len(at):
-                scans[wanted[int(at[0])]] = perceive(record, PerceptionParameters())
+    for scan, _ in BeamOrderSearch().settled(odometry_at_scans(records)):
+        at, _ = nearest_stamps(stamps, np.array([scan.stamp_ns]), SAME_STAMP_S)
+        if len(at):
+            scans[wanted[int(at[0])]] = perceive(scan, PerceptionParameters())
     if not scans:
         raise DataError(
             "no scan of the log has the stamp of a pose",

@@ -27,7 +27,11 @@ REMEMBERED = 4096
 """Records of odometry that are remembered for the beams of a scan: seconds of them."""
 
 
-def odometry_at_scans(records: Iterable[Record]) -> Iterator[tuple[RangeScan, Pose2D | None]]:
+ScanAtOdometry = tuple[RangeScan, Pose2D | None]
+"""A scan, with the odometry's pose at its stamp; None where that is silent."""
+
+
+def odometry_at_scans(records: Iterable[Record]) -> Iterator[ScanAtOdometry]:
     """Each scan with the odometry pose interpolated at its stamp; a scan whose beams are taken one
     after another gets the robot's `motion` meanwhile, by odometry, if that is known.
 
@@ -66,7 +70,7 @@ class _KnownOdometry:
             return True
         return now_ns - scan.last_ns > PATIENCE_NS
 
-    def at_scan(self, scan: RangeScan) -> tuple[RangeScan, Pose2D | None]:
+    def at_scan(self, scan: RangeScan) -> ScanAtOdometry:
         """A scan, with its motion if its beams are not taken at once, and the pose at its stamp."""
         odom = self._pose(scan.stamp_ns)
         if odom is None or scan.first_ns == scan.last_ns:

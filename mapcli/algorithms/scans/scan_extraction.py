@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import chain, islice
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
+from mapcli.algorithms.scans.odometry_interpolation import ScanAtOdometry, odometry_at_scans
 from mapcli.algorithms.scans.perception import FARTHEST, PerceptionParameters
 from mapcli.errors import DataError
 from mapcli.model.perception import IntendedPose, ScanPerception
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.scan import RangeScan, Record
 from mapcli.model.selection import select
+from mapcli.model.sweep import SweepMotion
+from mapcli.model.trajectory import wrap_angles
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +49,15 @@ def extract_scan(
     start_s: float | None = None,
     end_s: float | None = None,
     every: int = 1,
+    settled: Callable[[Iterable[ScanAtOdometry]], Iterable[ScanAtOdometry]] = iter,
 ) -> ExtractedScan:
     """The scan nearest to a time after the log's first record; of two, the earlier one.
 
     Args:
         records: of the whole log, in stamp order.
         start_s, end_s, every: which of its scans are considered, see `model.selection.select`.
+        settled: what finds the order of the beams where the log does not tell it
+            (`slam.beam_order`); that of the array by default.
 
     Raises:
         DataError: the time is outside the log.
@@ -59,14 +65,15 @@ def extract_scan(
     records = iter(records)
     first = list(islice(records, 1))
     start_ns = first[0].stamp_ns if first else 0
-    return _nearest(select(chain(first, records), start_s, end_s, every), start_ns, seconds)
+    selected = select(chain(first, records), start_s, end_s, every)
+    return _nearest(settled(odometry_at_scans(selected)), start_ns, seconds)
 
 
-def _nearest(records: Iterable[Record], start_ns: int, seconds: float) -> ExtractedScan:
+def _nearest(scans: Iterable[ScanAtOdometry], start_ns: int, seconds: float) -> ExtractedScan:
     best: ExtractedScan | None = None
     first: Pose2D | None = None
     last = 0.0
-    for number, (scan, odom) in enumerate(odometry_at_scans(records)):
+    for number, (scan, odom) in enumerate(scans):
         first = odom if number == 0 else first
         last = (scan.stamp_ns - start_ns) * 1e-9
         if best is None or abs(last - seconds) < abs(best.seconds - seconds):
@@ -86,7 +93,8 @@ def _nearest(records: Iterable[Record], start_ns: int, seconds: float) -> Extrac
 def scan_perception(
     scan: RangeScan, pose: Pose2D, parameters: PerceptionParameters | None = None
 ) -> ScanPerception:
-    """A scan as a perception of kind `scan`; beams without a valid reading are left out.
+    """A scan as a perception of kind `scan`; beams without a valid reading are left out, those
+    taken one after another are deskewed if the robot's motion is known.
 
     Args:
         pose: of the robot in the map, where it intended to be.
@@ -104,11 +112,33 @@ def scan_perception(
         raise DataError("the scan has no beam with a valid reading")
     mount = scan.mount.pose
     bearings = [wrap_angle(b + mount.theta) for b in scan.bearings()[valid].tolist()]
+    beams = np.column_stack([bearings, ranges[valid]])
+    if scan.motion is not None:
+        beams = _deskewed(beams, mount, scan.beam_seconds()[valid], scan.motion)
     return ScanPerception(
         IntendedPose(pose.theta, (pose.x, pose.y)),
-        np.column_stack([bearings, ranges[valid]]),
+        beams,
         farthest,
         Pose2D(mount.x, mount.y),
         p.no_return,
         walls="ends",
+    )
+
+
+def _deskewed(
+    beams: NDArray[np.float64], laser: Pose2D, seconds: NDArray[np.float64], motion: SweepMotion
+) -> NDArray[np.float64]:
+    """Beams taken at these times as they would be from where the laser is at the stamp, shape
+    (n, 2): bearing and range. One without return keeps its direction in the map."""
+    bearings, ranges = beams.T
+    directions = np.column_stack([np.cos(bearings), np.sin(bearings)])
+    start, hit = np.array([laser.x, laser.y]), np.isfinite(ranges)
+    ends = start + directions * np.where(hit, ranges, 0.0)[:, None]
+    x, y = (motion.deskew(ends, seconds) - start).T
+    turned = bearings + motion.at(seconds)[:, 2]
+    return np.column_stack(
+        [
+            np.where(hit, np.arctan2(y, x), wrap_angles(turned)),
+            np.where(hit, np.hypot(x, y), ranges),
+        ]
     )

@@ -24,6 +24,7 @@ from mapcli.algorithms.slam.submaps import apply_corrections
 from mapcli.algorithms.slam.sweep_refinement import refine_sweeps
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import information_from_covariance
+from mapcli.model.sweep_summary import Crispness
 from mapcli.model.trace import Loop
 
 
@@ -35,11 +36,13 @@ class BackEndResult:
         poses: of every scan, in the map; the first is where it was tracked.
         grid: the map that the keyframes make at these poses.
         loops: that were closed, between scans.
+        crispness: what deskewing was worth; None if all beams of a scan were taken at once.
     """
 
     poses: list[Pose2D]
     grid: OccupancyGrid
     loops: tuple[Loop, ...] = ()
+    crispness: Crispness | None = None
 
 
 def finalise(
@@ -58,14 +61,16 @@ def finalise(
     """
     closed = LoopCloser(trajectory.keyframes, map_, loops).run(progress)
     poses = apply_corrections(trajectory, closed.submaps, closed.origins)
+    crispness: Crispness | None = None
     if trajectory.sweeps:
-        trajectory, poses = refine_sweeps(trajectory, poses, map_.resolution, odometry)
+        refined = refine_sweeps(trajectory, poses, map_.resolution, odometry)
+        trajectory, poses, crispness = refined.trajectory, refined.poses, refined.crispness
     else:
         poses = refine(trajectory, poses, map_.resolution, refining)
     start = trajectory.poses[0].compose(poses[0].inverse())
     poses = [trajectory.poses[0], *(start.compose(pose) for pose in poses[1:])]
     grid = map_from_keyframes(trajectory, poses, map_)
-    return BackEndResult(poses, grid, loops_between_scans(trajectory, closed))
+    return BackEndResult(poses, grid, loops_between_scans(trajectory, closed), crispness)
 
 
 def loops_between_scans(

@@ -9,6 +9,7 @@ from itertools import pairwise
 from mapcli.algorithms.scans.mount_check import MountCheck
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.slam.back_end import BackEndResult
+from mapcli.algorithms.slam.beam_order import BeamOrderSearch
 from mapcli.algorithms.slam.contradictions import ScanSample, compare_scans
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
@@ -20,6 +21,7 @@ from mapcli.model.pose import Pose2D
 from mapcli.model.reason import Reason
 from mapcli.model.scan import RangeScan, Record
 from mapcli.model.summary import ReplaySummary
+from mapcli.model.sweep_summary import SweepSummary, turn_time
 from mapcli.model.trace import PoseTrace, TracedPose
 
 
@@ -81,6 +83,7 @@ class ReplayRun:
         interrupted: it was stopped early; stopped_by: the signal, if it was one.
         kept: the scans whose numbers are in `keep`.
         mount: whether the laser sits where the log says.
+        beam_order: in which order the beams of a scan are taken.
     """
 
     def __init__(self, slam: Slam, keep: Container[int] = ()) -> None:
@@ -91,24 +94,27 @@ class ReplayRun:
         self.stopped_by: KeyboardInterrupt | None = None
         self.kept: dict[int, RangeScan] = {}
         self.mount = MountCheck()
+        self.beam_order = BeamOrderSearch(slam.parameters)
+        self._timed: RangeScan | None = None  # the first whose beams are not taken at once
         self._keep, self._scans_read = keep, 0
         self._sample = ScanSample()
 
     def track(self, records: Iterable[Record]) -> Iterator[TracedPose]:
         """Every scan with its pose, as the log goes on."""
-        scans = odometry_at_scans(self._noted(records))
+        scans = self.beam_order.settled(odometry_at_scans(self._counted(records)))
         for scan, odom in self.mount.watched(scans):
+            if self._timed is None and scan.first_ns < scan.last_ns:
+                self._timed = scan
+            if len(self.poses) in self._keep:
+                self.kept[len(self.poses)] = scan
             self.poses.append(self.slam.step(scan, odom))
             self._sample.add(self.poses[-1].pose, self.slam.perception)
             yield self.poses[-1]
 
-    def _noted(self, records: Iterable[Record]) -> Iterator[Record]:
-        """The records; scans are counted, and kept if they are to be."""
+    def _counted(self, records: Iterable[Record]) -> Iterator[Record]:
+        """The records; scans are counted."""
         for record in records:
-            if isinstance(record, RangeScan):
-                if self._scans_read in self._keep:
-                    self.kept[self._scans_read] = record
-                self._scans_read += 1
+            self._scans_read += isinstance(record, RangeScan)
             yield record
 
     def finalise(self, progress: Callable[[int], None] = lambda submap: None) -> None:
@@ -172,6 +178,7 @@ class ReplayRun:
             lost_share=damage.lost_share,
             verdict=verdict_of(reasons),
             reasons=reasons,
+            sweep=self._sweep_summary(),
         )
 
     def _reasons(self, trace: PoseTrace) -> tuple[Reason, ...]:
@@ -180,3 +187,12 @@ class ReplayRun:
         sampled = [one for one in self._sample.scans if one.scan < len(poses)]
         is_closing = self.slam.parameters.loops is not None
         return map_reasons(trace.poses, compare_scans(sampled, poses), is_closing=is_closing)
+
+    def _sweep_summary(self) -> SweepSummary | None:
+        scan = self._timed
+        if scan is None:
+            return None
+        told = self.beam_order.found if self.beam_order.was_needed else scan.timing.order
+        crispness = self.finalised.crispness if self.finalised else None
+        sweep_s = scan.timing.span(len(scan.ranges))
+        return SweepSummary(turn_time(scan), sweep_s, told, crispness)

@@ -6,7 +6,7 @@ module:
     2, 3   odometry moves the pose       `motion_model`, corrected by `odometry_calibration`, by
                                          `stale_odometry` where it comes late, and followed as
                                          hypotheses where it fails, `odometry_faults`
-    4      the scan is analyzed          `scans.perception`
+    4      the scan is analyzed          `scans.perception`, deskewed by `sweep_motion`
     5-9    the best test position        `scan_matcher` (correlative scan matching, relocalisation),
            around the odometry's pose    `book_matcher` (Sect. 9.5), `global_localization` (where
                                          nobody knows the robot's pose in a known map)
@@ -36,13 +36,14 @@ from mapcli.algorithms.slam.loop_closure import LoopParameters
 from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.map_refinement import RefineParameters, map_from_keyframes
 from mapcli.algorithms.slam.match import MIN_POINTS, Match, MatchHistory, MatchParameters
-from mapcli.algorithms.slam.motion_model import DeadReckoning, MotionModel
+from mapcli.algorithms.slam.motion_model import DeadReckoning, MotionModel, OdometryUncertainty
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.odometry_faults import OdometryFaults
 from mapcli.algorithms.slam.pose_refinement import ScanInMap
 from mapcli.algorithms.slam.scan_matcher import match_scan
 from mapcli.algorithms.slam.scan_points import points_of
 from mapcli.algorithms.slam.submaps import SUBMAP_M
+from mapcli.algorithms.slam.sweep_motion import SweepMotionFilter
 from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan, Record
@@ -101,6 +102,7 @@ class Slam:
         local_map: m, the current map, and when it is updated.
         pose: c, the current position, in the map; the first scan is taken at the start pose.
         odometry: dead reckoning and its uncertainty; faults: hypotheses about odometry that fails.
+        sweep_motion: the robot's motion while a scan is taken beam by beam.
         trajectory: all poses until now, and the keyframes, for the back end.
         perception: p, of the last scan.
     """
@@ -119,6 +121,7 @@ class Slam:
         self.odometry = DeadReckoning(p.odometry, calibrate=p.calibrate_odometry)
         self.faults = OdometryFaults()
         self._detects_faults = p.detect_odometry_faults and p.match.search == "window"
+        self.sweep_motion = SweepMotionFilter()
         self.trajectory = TrackedTrajectory()
         self.perception = NOTHING_SEEN
         self._history, self._has_begun = MatchHistory(FIRST_SCORE), False
@@ -139,14 +142,13 @@ class Slam:
         counted = self.odometry.motion(scan.stamp_ns, odom)  # 2: the robot has moved a little
         motion = self.faults.motion(scan.stamp_ns, counted)
         n = c.compose(motion or Pose2D())  # 3: new position based on odometry
-        p = perceive(scan, self.parameters.perception)  # 4: analyze sensor data
-        self.perception = p
+        p = self._perceive(scan)  # 4: analyze sensor data
         b = Match(n, 0.0, 0, found=False)
         if not self._is_localized:
             b = self._localize_globally(p)
         elif not first or self._is_continued:  # 5-8: the best test position around n
             uncertainty = self.odometry.uncertainty(motion)
-            b = match_scan(self.map, p, n, uncertainty, self.parameters.match, self._history)
+            p, b = self._match(scan, odom, p, n, uncertainty)
             if self._detects_faults:
                 scan_in_map = ScanInMap(self.map, p, self.parameters.match)
                 b = self.faults.select(c, uncertainty, b, scan_in_map, self._history)
@@ -155,9 +157,34 @@ class Slam:
         self.odometry.compare(c.between(n))
         in_map = self._is_localized and self.local_map.update(n, p)  # 10: update map based on it
         self._record(scan.stamp_ns, odom, p, n, b, in_map=in_map)
+        self.perception = p
         self.pose, self._has_begun = n, True  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
         return TracedPose(scan.stamp_ns, n, odom, b.score if b.found else None, status)
+
+    def _perceive(self, scan: RangeScan) -> Perception:
+        """The perception map of a scan, deskewed as is known before it is matched."""
+        return self.sweep_motion.deskewed(perceive(scan, self.parameters.perception), scan)
+
+    def _match(
+        self,
+        scan: RangeScan,
+        odom: Pose2D | None,
+        perception: Perception,
+        predicted: Pose2D,
+        uncertainty: OdometryUncertainty,
+    ) -> tuple[Perception, Match]:
+        """The best test position around the predicted pose. It shows how the robot moved, by which
+        the scan is deskewed and matched once more."""
+        p = self.parameters.match
+        b = match_scan(self.map, perception, predicted, uncertainty, p, self._history)
+        if perception.sweep is None:
+            return perception, b
+        self.sweep_motion.update(scan, odom, self.pose.between(b.pose) if b.found else None)
+        again = self.sweep_motion.deskewed(perception, scan)
+        if again is not perception:
+            b = match_scan(self.map, again, predicted, uncertainty, p, self._history)
+        return again, b
 
     def _localize_globally(self, perception: Perception) -> Match:
         """The first pose in a known map.

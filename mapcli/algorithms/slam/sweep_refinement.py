@@ -14,7 +14,7 @@ the sweep before, which stays as odometry has it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 
@@ -36,6 +36,7 @@ from mapcli.algorithms.slam.tracked_sweeps import TrackedSweeps
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.scan import NANOSECONDS
 from mapcli.model.sweep import SweepMotion
+from mapcli.model.sweep_summary import Crispness
 
 ROUNDS, STEPS = 2, 4
 """How often the surfel map is made anew, and Gauss-Newton steps with each."""
@@ -53,25 +54,37 @@ hundredth of what it is off a single one."""
 Floats = NDArray[np.float64]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SweepRefinement:
+    """The result of a refinement.
+
+    Attributes:
+        trajectory: with the perceptions of its keyframes deskewed anew.
+        poses: of every scan.
+        crispness: what deskewing was worth.
+    """
+
+    trajectory: TrackedTrajectory
+    poses: list[Pose2D]
+    crispness: Crispness
+
+
 def refine_sweeps(
     trajectory: TrackedTrajectory, poses: list[Pose2D], cell: float, odometry: MotionModel
-) -> tuple[TrackedTrajectory, list[Pose2D]]:
+) -> SweepRefinement:
     """Fit all poses to the surfels that the keyframes show, each point seen from where it was
     taken.
 
     Args:
         trajectory: with `sweeps`.
         poses: of every scan, loops closed; cell: metres along a side of a surfel's cell.
-
-    Returns:
-        The trajectory with the perceptions of its keyframes deskewed anew, and the poses.
     """
     fit = _SweepFit(trajectory, poses, odometry)
     for _ in range(ROUNDS):
         surfels = fit.surfel_map(cell)
         for _ in range(STEPS):
             fit.step(surfels)
-    return fit.deskewed(), fit.poses()
+    return SweepRefinement(fit.deskewed(), fit.poses(), fit.crispness(fit.surfel_map(cell)))
 
 
 class _SweepFit:
@@ -137,6 +150,21 @@ class _SweepFit:
                 if timed.scans[first] in keys:
                     surfels.add(points[first:end])
         return surfels
+
+    def crispness(self, surfels: SurfelMap) -> Crispness:
+        """How many points lie on walls, and how many would if each scan were taken at once, from
+        the middle of where it was."""
+        total = crisp = skewed = 0
+        for timed in self._blocks():
+            seen_from = self._seen_from(timed)
+            crisp += kernels.points_on_walls(surfels.table, timed.points, seen_from)
+            first = np.flatnonzero(np.diff(timed.scans, prepend=-1))
+            counts = np.diff(first, append=len(timed.scans))
+            middle = np.add.reduceat(seen_from, first, axis=0) / counts[:, None]
+            at_once = np.repeat(middle, counts, axis=0)
+            skewed += kernels.points_on_walls(surfels.table, timed.points, at_once)
+            total += len(timed.scans)
+        return Crispness(crisp / max(total, 1), skewed / max(total, 1))
 
     def _blocks(self) -> Iterator[TimedPoints]:
         for first in range(0, len(self.path.poses), BLOCK_SCANS):

@@ -2,31 +2,71 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from support.sweeping import SweepingRobot, ate
 
-from mapcli import replay
-from mapcli.model.sweep import AT_ONCE, BeamTiming
+from mapcli import SlamParameters, replay
+from mapcli.algorithms.slam.replay import Replayed
+from mapcli.model.sweep import AT_ONCE, BeamTiming, ScanStamp
+
+STAMPS: dict[ScanStamp, float] = {"first": 0.0, "middle": 0.5, "last": 1.0}
+"""The share of a sweep that is over at the stamp."""
 
 
-def error(robot: SweepingRobot, timing: BeamTiming) -> float:
-    replayed = replay(robot.records(timing))
+def error(replayed: Replayed, robot: SweepingRobot) -> float:
     return ate([pose.pose for pose in replayed.trace.poses], robot.truth())
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("robot", "stamp", "order"),
-    [
-        (SweepingRobot(), "first", "forward"),
-        (SweepingRobot(mid=0.5), "middle", "forward"),
-        (SweepingRobot(mid=1.0), "last", "forward"),
-        (SweepingRobot(flipped=True), "first", "backward"),
-        (SweepingRobot(flipped=True, mid=1.0), "last", "backward"),
-    ],
-)
-def test_beams_are_put_where_they_were_taken(robot: SweepingRobot, stamp: str, order: str) -> None:
-    timing = BeamTiming(robot.increment, stamp, order)  # type: ignore[arg-type]
-    taken_in_time = error(robot, timing)
-    assert taken_in_time < 0.006
-    assert error(robot, AT_ONCE) > 4 * taken_in_time
+@pytest.mark.parametrize("stamp", STAMPS)
+@pytest.mark.parametrize("flipped", [False, True])
+def test_beams_are_put_where_they_were_taken(stamp: ScanStamp, flipped: bool) -> None:
+    robot = SweepingRobot(flipped=flipped, mid=STAMPS[stamp])
+    replayed = replay(robot.records(BeamTiming(robot.increment, stamp, order=None)))
+    at_once = error(replay(robot.records(AT_ONCE)), robot)
+    assert error(replayed, robot) < 0.003
+    assert at_once > 0.03
+    sweep = replayed.summary.sweep
+    assert sweep is not None
+    assert sweep.order == ("backward" if flipped else "forward")
+    assert sweep.turn_time_s == pytest.approx(0.181, abs=1e-3)
+    assert sweep.crispness is not None
+    assert sweep.crispness.deskewed > 0.99
+    assert sweep.crispness.at_once < 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("noise", "metres"), [(0.02, 0.01), (0.1, 0.02)])
+def test_while_the_robot_drives_the_motion_found_helps_noisy_wheels(
+    noise: float, metres: float
+) -> None:
+    robot = SweepingRobot(noise=noise)
+    plain = SlamParameters().without_loops()
+    replayed = replay(robot.records(BeamTiming(robot.increment)), plain)
+    assert error(replayed, robot) < metres
+    assert replayed.summary.sweep is not None
+    assert replayed.summary.sweep.crispness is None
+
+
+@pytest.mark.slow
+def test_without_odometry_the_poses_show_the_motion() -> None:
+    robot = SweepingRobot(period_s=0.1, beams=120, seconds=8)
+    timing = BeamTiming(robot.increment)
+    scans = [robot.scan(k, timing) for k in range(1, int(robot.seconds / robot.period_s))]
+    deskewed = error(replay(scans), robot)
+    at_once = error(replay([replace(scan, timing=AT_ONCE) for scan in scans]), robot)
+    assert deskewed < 0.005 < at_once
+
+
+@pytest.mark.slow
+def test_after_a_pause_a_sweep_stays_as_odometry_has_it() -> None:
+    # Of a sweep a fifth of a second long, every third is used.
+    robot = SweepingRobot(noise=0.005)
+    records = robot.records(BeamTiming(robot.increment))
+    taken = iter(range(len(records)))
+    some = [one for one in records if not hasattr(one, "ranges") or next(taken) % 3 == 0]
+    replayed = replay(some)
+    found = [pose.pose for pose in replayed.trace.poses]
+    assert ate(found, robot.truth()[::3]) < 0.006

@@ -22,6 +22,9 @@ from mapcli.algorithms.slam._kernels.gauss_newton import (
     weighted_information,
 )
 from mapcli.algorithms.slam._kernels.surfel_map import (
+    INFORMATION_XX,
+    INFORMATION_XY,
+    INFORMATION_YY,
     SURFEL_X,
     SURFEL_Y,
     SurfelTable,
@@ -157,6 +160,25 @@ def add_points(
         add_pose(equations, i, matrix, right, 1 - u)
         add_pose(equations, i + 1, matrix, right, u)
         add_pair(equations.matrix, i, matrix, u * (1 - u))
+
+
+@kernel
+def points_on_walls(
+    table: SurfelTable, points: NDArray[np.float64], seen_from: NDArray[np.float64]
+) -> int:
+    """How many points lie on a surfel, within the scale of the robust kernel."""
+    surfels, count = table.surfels, 0
+    for p in range(len(points)):
+        c, s = cos(seen_from[p, 2]), sin(seen_from[p, 2])
+        x = seen_from[p, 0] + c * points[p, 0] - s * points[p, 1]
+        y = seen_from[p, 1] + s * points[p, 0] + c * points[p, 1]
+        at = nearest_surfel(table, x, y)
+        if at == 0:
+            continue
+        ex, ey = surfels[at, SURFEL_X] - x, surfels[at, SURFEL_Y] - y
+        square = surfels[at, INFORMATION_XX] * ex * ex + surfels[at, INFORMATION_YY] * ey * ey
+        count += square + 2 * surfels[at, INFORMATION_XY] * ex * ey <= SQUARED_SCALE
+    return count
 
 
 @kernel

@@ -1,0 +1,137 @@
+"""Kernels of the refinement of sweeps, against numpy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicHermiteSpline
+
+from mapcli.algorithms.slam._kernels import sweep_refinement as kernels
+from mapcli.algorithms.slam._kernels.sweep_refinement import (
+    ALONE,
+    BAND,
+    NormalEquations,
+    OdometrySteps,
+    Path,
+    TimedPoints,
+)
+from mapcli.algorithms.slam.surfel_map import SurfelMap
+
+RNG = np.random.default_rng(5)
+POSES = np.column_stack([np.arange(4) * 0.2, RNG.normal(0, 0.1, 4), RNG.normal(0, 0.2, 4)])
+SECONDS = np.array([0.2, 0.1, 0.3])
+PATH = Path(POSES, RNG.normal(0, 1, (4, 3)), SECONDS)
+
+
+def dense(equations: NormalEquations) -> np.ndarray:
+    n = len(equations.right)
+    full = np.zeros((n, n))
+    for i in range(n):
+        for a in range(min(BAND, n - i)):
+            full[i, i + a] = full[i + a, i] = equations.matrix[i, a]
+    return full
+
+
+def empty(poses: int = 4) -> NormalEquations:
+    return NormalEquations(np.zeros((3 * poses, BAND)), np.zeros(3 * poses))
+
+
+def timed(points: np.ndarray, steps: list[int], shares: list[float]) -> TimedPoints:
+    n = len(points)
+    scans = np.maximum(np.array(steps), 0)
+    motions = np.tile([0.05, 0.02, 0.1], (n, 1))
+    return TimedPoints(points, scans, np.array(steps), np.array(shares), motions)
+
+
+def test_points_are_seen_from_the_cubic_through_the_poses() -> None:
+    times = np.concatenate([[0], np.cumsum(SECONDS)])
+    spline = CubicHermiteSpline(times, POSES, PATH.velocities)
+    steps, shares = [0, 0, 1, 2, 2], [0.0, 0.3, 0.5, 0.9, 1.1]
+    seen = np.empty((5, 3))
+    kernels.place_points(timed(np.zeros((5, 2)), steps, shares), PATH, seen)
+    at = [times[i] + u * SECONDS[i] for i, u in zip(steps, shares, strict=True)]
+    assert seen == pytest.approx(spline(at))
+
+
+def test_a_point_alone_moves_as_was_told() -> None:
+    seen = np.empty((1, 3))
+    kernels.place_points(timed(np.zeros((1, 2)), [ALONE], [0.0]), PATH, seen)
+    x, y, theta = POSES[0]
+    cos, sin = math.cos(theta), math.sin(theta)
+    expected = x + 0.05 * cos - 0.02 * sin, y + 0.05 * sin + 0.02 * cos, theta + 0.1
+    assert seen[0] == pytest.approx(expected)
+
+
+def test_the_banded_solution_is_that_of_the_full_matrix() -> None:
+    equations = empty()
+    for i in range(12):
+        for a in range(min(BAND, 12 - i)):
+            equations.matrix[i, a] = 20.0 if a == 0 else RNG.normal()
+    equations.right[:] = RNG.normal(0, 1, 12)
+    expected = np.linalg.solve(dense(equations), equations.right)
+    kernels.solve_banded(equations)
+    assert equations.right == pytest.approx(expected, abs=1e-8)
+
+
+def numeric(cost, poses: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
+    """Minus half the gradient of a cost by all poses."""
+    gradient = np.empty(poses.size)
+    for i in range(poses.size):
+        step = np.zeros(poses.size)
+        step[i] = 1e-6
+        more, less = (cost(poses + sign * step.reshape(-1, 3)) for sign in (1, -1))
+        gradient[i] = -(more - less) / 2e-6 / 2
+    return gradient
+
+
+def test_odometry_pulls_down_its_cost() -> None:
+    counted = np.array([[0.19, 0.02, 0.1], [0.22, -0.01, -0.1], [0.2, 0.0, 0.0]])
+    information = np.full((3, 2), 4.0)  # weak, so that the robust weight hardly matters
+    steps = OdometrySteps(counted, information)
+
+    def cost(poses: np.ndarray) -> float:
+        total = 0.0
+        for k in range(3):
+            x, y, theta = counted[k]
+            cos, sin = math.cos(poses[k, 2]), math.sin(poses[k, 2])
+            off = poses[k + 1] - poses[k] - (cos * x - sin * y, sin * x + cos * y, theta)
+            for square in (4 * (off[0] ** 2 + off[1] ** 2), 4 * off[2] ** 2):
+                total += 9 * square / (9 + square)
+        return total
+
+    equations = empty()
+    kernels.add_odometry(steps, POSES, equations)
+    assert equations.right == pytest.approx(numeric(cost, POSES), abs=1e-5)
+    # The matrix is J^T W J: positive, and no more than that of all steps without weights.
+    assert np.linalg.eigvalsh(dense(equations)).min() > -1e-9
+
+
+def test_both_poses_share_a_point_in_proportion_to_time() -> None:
+    surfels = SurfelMap(0.05)
+    surfels.add(np.column_stack([np.full(400, 2.0), np.linspace(-2, 2, 400)]))
+    point, u = np.array([[1.95, 0.5]]), 0.3
+    # The robot stands, so that the point is seen from the same place whatever its time.
+    path = Path(np.tile([0.02, 0.01, 0.05], (2, 1)), np.zeros((2, 3)), np.array([0.2]))
+    found = []
+    for some in (timed(point, [ALONE], [0.0])._replace(motions=np.zeros((1, 3))),
+                 timed(point, [0], [u])):  # fmt: skip
+        seen, equations = np.empty((1, 3)), empty(2)
+        kernels.place_points(some, path, seen)
+        kernels.add_points(surfels.table, some, seen, equations)
+        found.append((dense(equations), equations.right))
+    (alone, pull), (shared, pulls) = found
+    assert alone[0, 0] > 0
+    block = alone[:3, :3]
+    assert shared[:3, :3] == pytest.approx((1 - u) ** 2 * block)
+    assert shared[:3, 3:] == pytest.approx(u * (1 - u) * block)
+    assert shared[3:, 3:] == pytest.approx(u**2 * block)
+    assert pulls == pytest.approx(np.concatenate([(1 - u) * pull[:3], u * pull[:3]]))
+
+
+def test_points_on_walls_are_counted() -> None:
+    surfels = SurfelMap(0.05)
+    surfels.add(np.column_stack([np.full(200, 1.0), np.linspace(-1, 1, 200)]))
+    points = np.array([[1.0, 0.3], [1.01, -0.2], [0.9, 0.0], [5.0, 5.0]])
+    assert kernels.points_on_walls(surfels.table, points, np.zeros((4, 3))) == 2
