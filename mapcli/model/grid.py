@@ -174,8 +174,8 @@ class GridMap:
         """How many cells `function` is true of (see `each`)."""
         return sum(int(counts[function(cells)].sum()) for cells, counts in self.tally())
 
-    def replaced(self, cells: NDArray[np.float32]) -> GridMap:
-        """The same place with other cells."""
+    def replaced(self, cells: NDArray[np.float32] | NDArray[np.uint8]) -> GridMap:
+        """The same place with other cells, probabilities or percents."""
         return replace(self, stored=cells)
 
     def part(self, top: int, left: int, bottom: int, right: int) -> GridMap:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -128,3 +130,21 @@ def test_what_lies_at_a_point(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "0.5,0.5: cell 0,0, obstacle probability 0.2" in printed
     assert "1.5,0: cell 0,1, unknown" in printed
     assert "-1,0: outside the map" in printed
+
+
+@pytest.mark.slow
+def test_the_largest_map_takes_less_than_a_gigabyte(tmp_path: Path) -> None:
+    """A hundred million cells, all of them covered."""
+    path = tmp_path / "p.yaml"
+    path.write_text("polygons: [[[0, 0], [1e4, 0], [1e4, 1e4], [0, 1e4]]]\n")
+    code = (
+        "import os, subprocess, sys\n"
+        "process = subprocess.Popen([sys.executable, '-m', 'mapcli', 'rasterize', *sys.argv[1:]])\n"
+        "_, status, used = os.wait4(process.pid, 0)\n"
+        "print(status, used.ru_maxrss)"
+    )
+    command = [sys.executable, "-c", code, str(path), str(tmp_path / "o.png"), "-q"]
+    out = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    status, kilobytes = map(int, out.split())
+    assert status == 0
+    assert kilobytes < 1_000_000

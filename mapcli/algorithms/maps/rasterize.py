@@ -50,7 +50,7 @@ def empty_map(box: Box, resolution: float, *, from_top: bool = False) -> GridMap
     columns, rows = (max(math.ceil(side - NOISE), 1) for side in (width, height))
     require(20 * rows * columns, f"a map of {columns:,} x {rows:,} cells")
     bottom = y1 - rows * resolution if from_top else y0
-    cells = np.full((rows, columns), np.nan, dtype=np.float32)
+    cells = np.broadcast_to(np.float32(np.nan), (rows, columns))  # of no memory
     return GridMap(cells, resolution, Pose2D(round(x0, 9), round(bottom, 9)))
 
 
@@ -102,7 +102,9 @@ def rasterize(world: World, frame: GridMap, min_cover: float = 0.5) -> GridMap:
 
 def covered_map(shares: NDArray[np.float64], frame: GridMap, min_cover: float = 0.5) -> GridMap:
     """The same from the covered shares, shape (rows, columns)."""
-    return frame.replaced((shares >= min_cover - NOISE).astype(np.float32))
+    percents = (shares >= min_cover - NOISE).view(np.uint8)
+    percents *= np.uint8(100)
+    return frame.replaced(percents)
 
 
 def covered_cells_listed(grid: GridMap, *, y_down: bool = False) -> list[tuple[int, int]]:

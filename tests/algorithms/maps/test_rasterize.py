@@ -91,6 +91,7 @@ def test_the_frame() -> None:
     assert (frame.rows, frame.columns, frame.origin.y) == (5, 4, pytest.approx(-0.15))
     with pytest.raises(DataError, match="1,000,000,000 x 10 cells"):
         empty_map((0, 0, 1e9, 10), 1)
+    assert empty_map((0, 0, 1e4, 1e4), 1).stored.strides == (0, 0)  # a hundred million, one kept
 
 
 def test_the_frame_of_a_world() -> None:
