@@ -10,12 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from support.replaying import APARTMENT, CORRIDOR, Trace, files, replay, traced
+from conftest import SHARED
+from support.replaying import APARTMENT, CORRIDOR, FIXTURES, Trace, files, replay, traced
 
 from mapcli import Pose2D, load_map
 from mapcli.model.pose import wrap_angle
 
 CELL = 0.05
+
+DATASETS = SHARED / "datasets"
 
 
 @pytest.fixture(scope="module")
@@ -229,6 +232,49 @@ def test_a_robot_that_is_not_in_the_map(capsys: pytest.CaptureFixture[str]) -> N
     line = complaint(capsys)
     assert "10 scans are found nowhere in the known map; expected a start pose" in line
     assert files() == before
+
+
+@pytest.mark.parametrize("pose", ["0,0,0", "2,0.5,90", "100,0,0"])
+def test_another_building(pose: str, capsys: pytest.CaptureFixture[str]) -> None:
+    before = files()
+    where = ("--known", "map.yaml", "--localize", "--initial-pose", pose)
+    assert replay("-q", APARTMENT, *where) == 1
+    line = complaint(capsys)
+    assert "apartment.mcap: is not of the place in the known map: only " in line
+    assert "; expected a start pose in it (--initial-pose), or another map" in line
+    assert files() == before
+
+
+def test_a_sensor_of_one_beam_is_found_nowhere(capsys: pytest.CaptureFixture[str]) -> None:
+    before = files()
+    for more in ((), ("--localize",)):
+        assert replay("-q", str(FIXTURES / "lateral.mcap"), "--known", "map.yaml", *more) == 1
+        assert complaint(capsys) == (
+            "Error: lateral.mcap: is found nowhere in the known map; expected a start pose in it "
+            "(--initial-pose), or another map"
+        )
+    assert files() == before
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not DATASETS.is_dir(), reason="needs the shared datasets")
+@pytest.mark.parametrize(
+    ("log", "known", "options", "is_there"),
+    [
+        ("freiburg-101", "intel", (), False),
+        ("freiburg-101", "intel", ("--initial-pose", "0,0,0"), False),
+        ("intel", "csail", (), False),  # whose first scans fit somewhere
+        ("csail", "csail", (), True),
+        ("mit-csail", "csail", ("--initial-pose", "0,0,0"), True),  # another log of the building
+    ],
+)
+def test_real_buildings(log: str, known: str, options: tuple[str, ...], is_there: bool) -> None:
+    paths = [str(DATASETS / f"{name}.log.gz") for name in (log, known)]
+    assert replay("-q", paths[1], "--map", "known.yaml") == 0
+    before = files()
+    status = replay("-q", paths[0], "--known", "known.yaml", "--localize", *options, "-o", "there")
+    assert status == (0 if is_there else 1)
+    assert (files() == before) != is_there
 
 
 def test_the_known_map_is_never_replaced(capsys: pytest.CaptureFixture[str]) -> None:

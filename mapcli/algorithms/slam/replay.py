@@ -118,7 +118,12 @@ class ReplayRun:
             yield record
 
     def finalise(self, progress: Callable[[int], None] = lambda submap: None) -> None:
-        """Close loops and refine all poses; see `Slam.finalise`."""
+        """Close loops and refine all poses; see `Slam.finalise`.
+
+        Raises:
+            DataError: the robot was not found in the known map.
+        """
+        self.slam.check_known_map()
         self.finalised = self.slam.finalise(progress)
 
     def stop(self) -> None:

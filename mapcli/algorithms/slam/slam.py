@@ -31,6 +31,7 @@ from mapcli.algorithms.scans.perception import (
 from mapcli.algorithms.slam.back_end import BackEndResult, finalise
 from mapcli.algorithms.slam.global_localization import localize_globally
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
+from mapcli.algorithms.slam.known_map_fit import EXPECTED, KnownMapFit
 from mapcli.algorithms.slam.local_map import LocalMap, LocalMapParameters
 from mapcli.algorithms.slam.loop_closure import LoopParameters
 from mapcli.algorithms.slam.map_parameters import MapParameters
@@ -103,6 +104,7 @@ class Slam:
         pose: c, the current position, in the map; the first scan is taken at the start pose.
         odometry: dead reckoning and its uncertainty; faults: hypotheses about odometry that fails.
         sweep_motion: the robot's motion while a scan is taken beam by beam.
+        known_map_fit: how well the scans fit the map that there was.
         trajectory: all poses until now, and the keyframes, for the back end.
         perception: p, of the last scan.
     """
@@ -120,6 +122,7 @@ class Slam:
         self._is_localized, self._global_scans = known is None or start is not None, 0
         self.odometry = DeadReckoning(p.odometry, calibrate=p.calibrate_odometry)
         self.faults = OdometryFaults()
+        self.known_map_fit = KnownMapFit()
         self._detects_faults = p.detect_odometry_faults and p.match.search == "window"
         self.sweep_motion = SweepMotionFilter()
         self.trajectory = TrackedTrajectory()
@@ -153,6 +156,7 @@ class Slam:
                 scan_in_map = ScanInMap(self.map, p, self.parameters.match)
                 b = self.faults.select(c, uncertainty, b, scan_in_map, self._history)
             self._update_history(c, b)
+            self.known_map_fit.add(b, len(p.hits))
         n = b.pose  # 9: replace new position by best position
         self.odometry.compare(c.between(n))
         in_map = self._is_localized and self.local_map.update(n, p)  # 10: update map based on it
@@ -198,9 +202,22 @@ class Slam:
         if not match.found and self._global_scans == MOST_GLOBAL_SCANS:
             raise DataError(
                 f"{MOST_GLOBAL_SCANS} scans are found nowhere in the known map",
-                expected="a start pose, or another map",
+                expected=EXPECTED,
             )
         return match
+
+    def check_known_map(self) -> None:
+        """Refuse, when the log has ended, a known map that the robot was not found in.
+
+        Raises:
+            DataError: it was found nowhere, or was not there in a map that was to be left alone.
+        """
+        if not self._is_localized:
+            problem = "is found nowhere in the known map"
+            raise DataError(problem, expected=EXPECTED)
+        p = self.parameters
+        if p.local_map.frozen and p.match.search != "none":
+            self.known_map_fit.check()
 
     def _update_history(self, before: Pose2D, match: Match) -> None:
         """The running score, and the calibration of odometry, after a match."""
