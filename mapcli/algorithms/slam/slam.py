@@ -160,7 +160,7 @@ class Slam:
         n = b.pose  # 9: replace new position by best position
         self.odometry.compare(c.between(n))
         in_map = self._is_localized and self.local_map.update(n, p)  # 10: update map based on it
-        self._record(scan.stamp_ns, odom, p, n, b, in_map=in_map)
+        self._record(scan, odom, p, n, b, in_map=in_map)
         self.perception = p
         self.pose, self._has_begun = n, True  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
@@ -230,7 +230,7 @@ class Slam:
 
     def _record(
         self,
-        stamp_ns: int,
+        scan: RangeScan,
         odom: Pose2D | None,
         perception: Perception,
         pose: Pose2D,
@@ -247,7 +247,7 @@ class Slam:
             len(self.trajectory.poses),
         )
         self.trajectory.add(pose, points.metres)
-        self.trajectory.sweeps.add(number, stamp_ns, odom, perception, points.numbers)
+        self.trajectory.sweeps.add(number, scan, odom, perception, points.numbers)
         if in_map:
             self.trajectory.add_keyframe(perception, match.information, self.parameters.odometry)
 

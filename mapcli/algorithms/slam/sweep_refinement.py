@@ -6,9 +6,10 @@ poses are fitted at once, each point seen from the robot's pose at its own time,
 scans between which it was taken (continuous-time registration, as in CT-ICP, Dellenbach et al.
 2022). The steps that odometry counted are factors between the poses.
 
-Where sweeps follow each other, the poses themselves show how the robot moved meanwhile, better than
-wheels do, whose noise over a part of a turn is large. After a pause the next pose says little about
-the sweep before, which stays as odometry has it.
+Where sweeps follow each other, the poses themselves show how the robot moved meanwhile: a cubic
+through them is better than wheels whose noise over a part of a turn is large, and worse than good
+wheels where a turn takes long. Both show how far they are off, and are weighed by that. After a
+pause the next pose says little about the sweep before, which stays as odometry has it.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from mapcli.algorithms.slam.surfel_map import INDEPENDENT_SHARE, SurfelMap
 from mapcli.algorithms.slam.tracked_sweeps import TrackedSweeps
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.scan import NANOSECONDS
-from mapcli.model.sweep import SweepMotion
+from mapcli.model.sweep import STILL, SweepMotion
 from mapcli.model.sweep_summary import Crispness
 
 ROUNDS, STEPS = 2, 4
@@ -46,6 +47,14 @@ LONGEST_PAUSE = 1.0
 
 BLOCK_SCANS, BLOCKS_IN_MEMORY = 500, 8
 """Scans whose points are taken from the store together, and blocks that are kept."""
+
+BETWEEN, FINER = 2.0, 8.0
+"""How much better the way between two scans is known than what shows: half way between them
+odometry is off by half of what it is off at the end; and a cubic through poses that are twice as
+far apart is off eight times as much, where speeds change by and by."""
+
+FEWEST_STEPS = 10
+"""Steps that must have shown how far odometry is off."""
 
 SAMPLES = 9
 """Of the motion during the sweep of a keyframe: a cubic between nine lines is off by less than a
@@ -114,8 +123,10 @@ class _SweepFit:
         return (seconds > 0) & (seconds <= (1 + LONGEST_PAUSE) * self._sweeps.longest_s)
 
     def _set(self, poses: Floats) -> None:
-        seconds = np.diff(self._stamps_s)
-        self.path = Path(poses, _velocities(poses, seconds, self._follows), seconds)
+        seconds, counted = np.diff(self._stamps_s), self._odometry.counted
+        velocities = _velocities(poses, seconds, self._follows)
+        shares = shares_of_odometry(poses, self._follows, self._odometry)
+        self.path = Path(poses, velocities, seconds, counted, shares)
 
     def poses(self) -> list[Pose2D]:
         """Of every scan, as fitted by now."""
@@ -197,14 +208,17 @@ class _SweepFit:
         for keyframe in self._trajectory.keyframes:
             sweep = keyframe.perception.sweep
             if sweep is not None:
-                motion = self._motion(keyframe.scan, sweep.motion, sweep.seconds)
+                motion = self._motion(keyframe.scan, sweep.seconds)
                 perception = keyframe.perception.deskewed(motion)
                 keyframe = replace(keyframe, perception=perception)
             keyframes.append(keyframe)
         return replace(self._trajectory, keyframes=keyframes)
 
-    def _motion(self, scan: int, counted: SweepMotion, seconds: Floats) -> SweepMotion:
+    def _motion(self, scan: int, seconds: Floats) -> SweepMotion:
         """How the robot moved during a scan on this path."""
+        beams = self._sweeps.beams[scan].astype(np.float64)
+        beams = beams[np.argsort(beams[:, 2], kind="stable")]
+        counted = SweepMotion(beams[:, 2], beams[:, 3:]) if len(beams) else STILL
         samples = np.linspace(seconds.min(), seconds.max(), SAMPLES)
         scans = np.full(SAMPLES, scan)
         timed = self._timed(np.zeros((SAMPLES, 2)), scans, samples, counted.at(samples))
@@ -226,6 +240,37 @@ def odometry_steps(sweeps: TrackedSweeps, model: MotionModel) -> OdometrySteps:
             counted[k] = motion.x, motion.y, motion.theta
             information[k] = deviations.xy**-2, deviations.theta**-2
     return OdometrySteps(counted, information / INDEPENDENT_SHARE)
+
+
+def shares_of_odometry(
+    poses: Floats, follows: NDArray[np.bool_], odometry: OdometrySteps
+) -> Floats:
+    """How much of the way between two scans is taken as odometry has it, beside the cubic through
+    the poses, shape (m - 1, 3): by the inverse of their mean squared errors.
+
+    Args:
+        poses: shape (m, 3), in the map; follows: shape (m - 1,), which steps lie between sweeps
+            that follow each other.
+    """
+    if len(poses) <= FEWEST_STEPS:
+        return np.zeros((len(follows), 3))
+    known = odometry.information[:, 0] > 0
+    cos, sin = np.cos(poses[:-1, 2]), np.sin(poses[:-1, 2])
+    x, y, theta = odometry.counted.T
+    counted = np.column_stack([cos * x - sin * y, sin * x + cos * y, theta])
+    off = (np.diff(poses, axis=0) - counted)[known & follows] / BETWEEN
+    # A pose and what the cubic through those beside it would have it be.
+    left_out = 9 * (poses[2:-4] + poses[4:-2]) - (poses[:-6] + poses[6:])
+    six = np.convolve(follows, np.ones(6), "valid") == 6
+    bent = (poses[3:-3] - left_out / 16)[six] / FINER
+    if len(off) < FEWEST_STEPS or len(bent) < FEWEST_STEPS:
+        return np.zeros((len(follows), 3))
+    by_odometry, by_cubic = (np.mean(errors**2, axis=0) for errors in (off, bent))
+    # Ahead and to the left are not told apart.
+    for squares in (by_odometry, by_cubic):
+        squares[:2] = squares[:2].mean()
+    share = by_cubic / np.maximum(by_cubic + by_odometry, np.finfo(float).tiny)
+    return np.outer(known & follows, share)
 
 
 def _velocities(poses: Floats, seconds: Floats, follows: NDArray[np.bool_]) -> Floats:

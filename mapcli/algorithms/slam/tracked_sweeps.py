@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam.scan_store import ScanStore
 from mapcli.model.pose import Pose2D
+from mapcli.model.scan import RangeScan
+from mapcli.model.sweep import STILL, SweepMotion
 
 COLUMNS = 6
 """Of what is kept of a point."""
@@ -24,8 +26,8 @@ class TrackedSweeps:
         stamps_ns: of each scan.
         odometry: its pose at each stamp, as counted; None where it is silent.
         beams: shape (n, 6) for each scan, float32: its points, metres in the robot's frame when
-            each was taken; seconds after the stamp; the robot's pose then by the motion that the
-            scan was deskewed with, in its frame at the stamp.
+            each was taken; seconds after the stamp; the robot's pose then as odometry counted, in
+            its frame at the stamp.
         longest_s: seconds of the longest sweep.
     """
 
@@ -40,7 +42,7 @@ class TrackedSweeps:
     def add(
         self,
         number: int,
-        stamp_ns: int,
+        scan: RangeScan,
         odom: Pose2D | None,
         perception: Perception,
         kept: NDArray[np.int64],
@@ -48,13 +50,15 @@ class TrackedSweeps:
         """A scan, if it has a sweep, or one before had.
 
         Args:
-            number: of the scan; kept: numbers of the hits that are its points.
+            number: of the scan; odom: the odometry's pose at its stamp.
+            perception: of it, deskewed; kept: numbers of the hits that are its points.
         """
         if perception.sweep is None and not self:
             return
         while len(self.stamps_ns) < number:  # scans before that were taken at once stay as they are
-            self._append(stamp_ns, None, np.empty((0, COLUMNS)))
-        self._append(stamp_ns, odom, _in_time(perception, kept))
+            self._append(scan.stamp_ns, None, np.empty((0, COLUMNS)))
+        counted = scan.motion or STILL
+        self._append(scan.stamp_ns, odom, _in_time(perception, kept, counted))
         if perception.sweep is not None:
             span = float(np.ptp(perception.sweep.seconds))
             self.longest_s = max(self.longest_s, span)
@@ -65,11 +69,13 @@ class TrackedSweeps:
         self.beams.append(beams.astype(np.float32))
 
 
-def _in_time(perception: Perception, kept: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Points with their times and the poses that they were seen from, shape (n, COLUMNS)."""
+def _in_time(
+    perception: Perception, kept: NDArray[np.int64], counted: SweepMotion
+) -> NDArray[np.float64]:
+    """Points with their times and the poses that odometry counted, shape (n, COLUMNS)."""
     points, sweep = perception.hits[kept], perception.sweep
     if sweep is None:
         return np.column_stack([points, np.zeros((len(points), COLUMNS - 2))])
     seconds = sweep.seconds[kept]
     raw = sweep.motion.skew(points, seconds)
-    return np.column_stack([raw, seconds, sweep.motion.at(seconds)])
+    return np.column_stack([raw, seconds, counted.at(seconds)])

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
+import numpy as np
 import pytest
 from support.sweeping import SweepingRobot, ate
 
-from mapcli import SlamParameters, replay
+from mapcli import Pose2D, SlamParameters, replay
+from mapcli.algorithms.slam._kernels.sweep_refinement import OdometrySteps
 from mapcli.algorithms.slam.replay import Replayed
+from mapcli.algorithms.slam.sweep_refinement import shares_of_odometry
 from mapcli.model.sweep import AT_ONCE, BeamTiming, ScanStamp
 
 STAMPS: dict[ScanStamp, float] = {"first": 0.0, "middle": 0.5, "last": 1.0}
@@ -70,3 +74,45 @@ def test_after_a_pause_a_sweep_stays_as_odometry_has_it() -> None:
     replayed = replay(some)
     found = [pose.pose for pose in replayed.trace.poses]
     assert ate(found, robot.truth()[::3]) < 0.006
+
+
+@pytest.mark.slow
+def test_a_slow_laser_goes_by_good_wheels() -> None:
+    # A cubic through poses 0.7 s apart is 14 mm off.
+    robot = SweepingRobot(period_s=0.7, seconds=24, noise=0.005)
+    assert error(replay(robot.records(BeamTiming(robot.increment))), robot) < 0.005
+
+
+def path(step: float, turns: float) -> np.ndarray:
+    """Poses of a robot that turns there and back while it drives."""
+    t = step * np.arange(40)
+    return np.column_stack([t, np.zeros(40), turns * np.sin(2 * t)])
+
+
+def steps_of(poses: np.ndarray, noise: float) -> OdometrySteps:
+    rng, counted = np.random.default_rng(1), []
+    for a, b in pairwise(Pose2D(*pose) for pose in poses.tolist()):
+        motion = a.between(b)
+        counted.append((motion.x, motion.y, motion.theta + noise * rng.standard_normal()))
+    return OdometrySteps(np.array(counted), np.ones((len(counted), 2)))
+
+
+@pytest.mark.parametrize(
+    ("step", "noise", "least", "most"), [(0.1, 0.05, 0.0, 0.01), (0.9, 0.0, 0.99, 1.0)]
+)
+def test_the_way_goes_by_what_is_less_off(
+    step: float, noise: float, least: float, most: float
+) -> None:
+    poses, follows = path(step, 0.5), np.ones(39, np.bool_)
+    shares = shares_of_odometry(poses, follows, steps_of(poses, noise))
+    assert ((least <= shares[:, 2]) & (shares[:, 2] <= most)).all()
+
+
+def test_odometry_has_no_share_of_what_it_did_not_count() -> None:
+    poses, follows = path(0.9, 0.5), np.ones(39, np.bool_)
+    steps = steps_of(poses, 0.0)
+    steps.information[20], follows[10] = 0, False
+    shares = shares_of_odometry(poses, follows, steps)
+    assert (shares[[10, 20]] == 0).all()
+    assert (shares[[0, 30], 2] > 0.99).all()
+    assert (shares_of_odometry(poses[:4], follows[:3], steps_of(poses[:4], 0.0)) == 0).all()

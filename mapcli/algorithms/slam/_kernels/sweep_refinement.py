@@ -1,9 +1,10 @@
 """Gauss-Newton on all poses of a trajectory whose scans were taken beam by beam.
 
-Between two scans the robot's pose is a cubic of the time (Hermite, Catmull and Rom), and a point is
-seen from the pose at its own time. So both scans' poses move a point: at a share u of the way from
-the former to the latter, its residual's Jacobian is (1 - u) J by the former and u J by the latter,
-J as in `gauss_newton.linearise`. Only neighbours share points, so the normal equations are banded.
+Between two scans the robot's pose is a cubic of the time (Hermite, Catmull and Rom) or goes as
+odometry has it, or a mean of both, and a point is seen from the pose at its own time. So both
+scans' poses move a point: at a share u of the way from the former to the latter, its residual's
+Jacobian is (1 - u) J by the former and u J by the latter, J as in `gauss_newton.linearise`. Only
+neighbours share points, so the normal equations are banded.
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ class TimedPoints(NamedTuple):
         scans: shape (n,), the number of the scan.
         steps: shape (n,), the number of the scan from which to the next the robot was on its way,
             or ALONE; shares: shape (n,), of the time of that step.
-        motions: shape (n, 3), the robot's pose then in its frame at the stamp of the scan, for
-            points that are ALONE.
+        motions: shape (n, 3), the robot's pose then by odometry, in its frame at the stamp of the
+            scan.
     """
 
     points: NDArray[np.float64]
@@ -63,11 +64,15 @@ class Path(NamedTuple):
     Attributes:
         poses: shape (m, 3), at each scan in the map; headings go on over the half turn.
         velocities: shape (m, 3), per second; seconds: shape (m - 1,), from each to the next.
+        counted: shape (m - 1, 3), the step by odometry, in the robot's frame at the former scan.
+        shares: shape (m - 1, 3), of odometry beside the cubic, from 0 to 1.
     """
 
     poses: NDArray[np.float64]
     velocities: NDArray[np.float64]
     seconds: NDArray[np.float64]
+    counted: NDArray[np.float64]
+    shares: NDArray[np.float64]
 
 
 class OdometrySteps(NamedTuple):
@@ -108,26 +113,48 @@ class NormalEquations(NamedTuple):
 @kernel
 def place_points(timed: TimedPoints, path: Path, seen_from: NDArray[np.float64]) -> None:
     """Fill `seen_from`, (n, 3), with the robot's pose in the map at the time of each point."""
+    poses = path.poses
     for p in range(len(timed.scans)):
-        i, u = timed.steps[p], timed.shares[p]
+        i, u, k = timed.steps[p], timed.shares[p], timed.scans[p]
+        motion = (timed.motions[p, 0], timed.motions[p, 1], timed.motions[p, 2])
+        x, y, theta = composed(poses, k, motion)
+        seen_from[p, 0], seen_from[p, 1], seen_from[p, 2] = x, y, theta
         if i == ALONE:
-            k = timed.scans[p]
-            x, y, theta = timed.motions[p, 0], timed.motions[p, 1], timed.motions[p, 2]
-            c, s = cos(path.poses[k, 2]), sin(path.poses[k, 2])
-            seen_from[p, 0] = path.poses[k, 0] + c * x - s * y
-            seen_from[p, 1] = path.poses[k, 1] + s * x + c * y
-            seen_from[p, 2] = path.poses[k, 2] + theta
             continue
         at_end = u * u * (3 - 2 * u)
         begins = path.seconds[i] * u * (1 - u) * (1 - u)
         ends = path.seconds[i] * u * u * (u - 1)
+        # Where odometry comes to at the other scan is off, the more the nearer to that.
+        step = (path.counted[i, 0], path.counted[i, 1], path.counted[i, 2])
+        end = composed(poses, k, step if k == i else inverse(step))
+        j, to_end = (i + 1, u) if k == i else (i, 1 - u)
         for a in range(3):
-            seen_from[p, a] = (
-                (1 - at_end) * path.poses[i, a]
-                + at_end * path.poses[i + 1, a]
+            cubic = (
+                (1 - at_end) * poses[i, a]
+                + at_end * poses[i + 1, a]
                 + begins * path.velocities[i, a]
                 + ends * path.velocities[i + 1, a]
             )
+            seen_from[p, a] += to_end * (poses[j, a] - end[a])
+            seen_from[p, a] += (1 - path.shares[i, a]) * (cubic - seen_from[p, a])
+
+
+@kernel
+def composed(
+    poses: NDArray[np.float64], k: int, motion: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """A pose of the robot and a motion from there on."""
+    x, y, theta = motion
+    c, s = cos(poses[k, 2]), sin(poses[k, 2])
+    return poses[k, 0] + c * x - s * y, poses[k, 1] + s * x + c * y, poses[k, 2] + theta
+
+
+@kernel
+def inverse(motion: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The motion that undoes another."""
+    x, y, theta = motion
+    c, s = cos(theta), sin(theta)
+    return -c * x - s * y, s * x - c * y, -theta
 
 
 @kernel
