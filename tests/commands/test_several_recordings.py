@@ -191,6 +191,15 @@ def test_every_real_log_is_one_recording(log: Path) -> None:
 
 
 @needs_cases
+def test_a_clock_that_was_set_back(capsys: pytest.CaptureFixture[str]) -> None:
+    """One recording, of which the stamps in the messages lose a part; the log's times are right."""
+    log = str(CASES / "clock_back_long" / "long1.mcap")
+    assert replay(*QUICK[1:], log, "--json", "t.json") == 0
+    assert "--time-source log" in capsys.readouterr().err
+    assert traced(*QUICK, log, "--time-source", "log")["summary"]["used_share"] == 1.0
+
+
+@needs_cases
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_bag_in_parts(order: int) -> None:
     parts = [str(CASES / f"split_second_half/split/split_{n}.mcap") for n in (0, 1)]

@@ -267,6 +267,8 @@ class Log(ABC):
                 what = f"{_plural(record)} with a stamp that jumps back, dropped"
                 where = f"at {stamp * 1e-9:.3f} s"
                 missed = self._missed_scan(what, self.sources[0].name, where, stamp_ns=stamp)
+                if self.options.time_source == "header":
+                    self.note("a clock was set back; --time-source log uses times of recording")
                 if isinstance(record, RangeScan):
                     yield missed
                 continue

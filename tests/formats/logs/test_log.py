@@ -64,6 +64,8 @@ def test_a_record_beyond_the_window_is_dropped(monkeypatch: pytest.MonkeyPatch) 
     log = ListLog([scan(t) for t in (1, 2, 3, 4, 5, 6, 1.5, 7, 5.5)])
     assert [record.stamp_ns / S for record in log.records()] == [1, 2, 3, 4, 5, 5.5, 6, 7]
     assert log.damage.lines() == ["1 scan with a stamp that jumps back, dropped (at 1.500 s)"]
+    told = "a clock was set back; --time-source log uses times of recording"
+    assert told in log.notes
     strict = ListLog([scan(t) for t in (1, 2, 3, 4, 5, 6, 1.5)], LogOptions(strict=True))
     with pytest.raises(FormatError, match=r"list.log: at 1.500 s: 1 scan with a stamp"):
         list(strict.records())
