@@ -83,6 +83,27 @@ def test_view_is_cropped_to_what_is_known_and_to_the_path() -> None:
     assert (window.left, window.columns) == (8, 90)
 
 
+def test_the_frame_of_a_drive_is_what_was_really_seen() -> None:
+    """A hall of 4 m by 2 m; beams through its door go 10 m on, and one through a window."""
+    cells = np.full((200, 300), Q)
+    cells[80:120, 100:180] = 0.1
+    cells[98, 180:] = cells[104, 180:] = cells[112:, 140] = 0.1
+    path = np.array([[6.0, 5.0], [8.0, 5.0]])
+    whole, framed = window_of(GridMap(cells, 0.05)), window_of(GridMap(cells, 0.05), path)
+    assert (whole.left + whole.columns, whole.top + whole.rows) == (304, 204)
+    assert framed.top <= 78
+    assert framed.left <= 98
+    assert 120 <= framed.top + framed.rows <= 130
+    assert 180 <= framed.left + framed.columns <= 190
+
+
+def test_the_frame_of_a_drive_that_saw_little_is_what_is_known() -> None:
+    cells = np.full((60, 60), Q)
+    cells[20, 10:50] = 0.1
+    window = window_of(GridMap(cells, 0.05), np.array([[1.0, 2.0]]))
+    assert (window.left, window.columns, window.top, window.rows) == (8, 44, 18, 5)
+
+
 def test_the_window_of_a_map_without_known_cells_is_the_whole_map() -> None:
     window = window_of(GridMap(np.full((5, 7), Q)))
     assert (window.top, window.left, window.rows, window.columns) == (-2, -2, 9, 11)

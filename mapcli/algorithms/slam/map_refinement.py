@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mapcli.algorithms.scans.perception import Perception
+from mapcli.algorithms.slam.ghosts import Ghosts
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
@@ -94,10 +96,16 @@ def refit(
 def map_from_keyframes(
     trajectory: TrackedTrajectory, poses: list[Pose2D], map_: MapParameters
 ) -> OccupancyGrid:
-    """The map that the keyframes make at these poses; it has no likelihood field. Keyframes of
-    scans beyond the poses are left out."""
-    grid = OccupancyGrid(map_)
+    """The map that the keyframes make at these poses, without the ghosts of what is gone; it has
+    no likelihood field. Keyframes of scans beyond the poses are left out."""
+    grid, seen = OccupancyGrid(map_), list[tuple[Pose2D, Perception]]()
     for keyframe in trajectory.keyframes:
         if keyframe.scan < len(poses):
-            grid.integrate(poses[keyframe.scan], keyframe.perception, update_field=False)
+            seen.append((poses[keyframe.scan], keyframe.perception))
+            ends = seen[-1][0].apply(keyframe.perception.beams())
+            grid.extend_to(ends.min(axis=0), ends.max(axis=0))
+    ghosts = Ghosts(grid)
+    for pose, perception in seen:
+        ghosts.add(grid.integrate(pose, perception, update_field=False))
+    ghosts.open_passed(-map_.log_odds_rules().miss)
     return grid

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from mapcli.algorithms.slam._kernels.ray_tracing import (
     CellBox,
     CellLists,
     GridFrame,
+    ListLengths,
     MapLayers,
     integrate_beams,
     place_beams,
@@ -53,6 +55,14 @@ CELL_BYTES = 2 + len(LEVEL_WIDTHS)
 
 MAX_CELLS = 400_000_000
 """2 GB of map: 1 km x 1 km at 5 cm. Beyond that something is wrong with the log."""
+
+
+class WrittenCells(NamedTuple):
+    """The cells that a scan has hit, and those that it has passed, which were not open for certain
+    before: indices, row * columns + column."""
+
+    hit: NDArray[np.int64]
+    passed: NDArray[np.int64]
 
 
 class OccupancyGrid:
@@ -188,24 +198,32 @@ class OccupancyGrid:
             slice(low_u - edge - u0, high_u + edge + 1 - u0),
         )
 
-    def integrate(self, pose: Pose2D, perception: Perception, *, update_field: bool = True) -> None:
+    def integrate(
+        self, pose: Pose2D, perception: Perception, *, update_field: bool = True
+    ) -> WrittenCells:
         """Line 10 of Algorithm 9.2: m <- update(m, p, n), p perceived at the pose n in the map.
 
         Without `update_field`, the likelihood field stays behind until `build_likelihood_field`
         and `interpolate_gaps` are called, which is cheaper for a map that is made first and
         searched afterwards, or never.
+
+        Returns:
+            What was written, until the next scan is.
         """
         points, hits = perception.beams(), len(perception.hits)
         if len(points) == 1:
-            return
+            return WrittenCells(*(np.empty(0, np.int64) for _ in range(2)))
         ends, beams, max_touched = self._place(pose, points, hits)
         self.surfels.add(ends[:hits])
-        changed = self._write(beams, max_touched)
+        lengths = self._write(beams, max_touched)
         if update_field:
+            changed = self._lists.changed[: lengths.changed]
             update_likelihood_field(
                 self.pyramid, LEVEL_WIDTHS, self.log_odds, changed, self._gaussian
             )
             self._interpolate_gaps(beams.cells[:hits])
+        touched = self._lists.touched[: lengths.touched]
+        return WrittenCells(touched[: lengths.hit], touched[lengths.hit :])
 
     def interpolate_gaps(self, pose: Pose2D, perception: Perception) -> None:
         """Raise the likelihood field along walls that a scan shows with gaps."""
@@ -240,14 +258,13 @@ class OccupancyGrid:
             low = min(was.low_u, box.low_u), min(was.low_v, box.low_v)
             self._written = CellBox(*low, max(was.high_u, box.high_u), max(was.high_v, box.high_v))
 
-    def _write(self, beams: Beams, max_touched: int) -> NDArray[np.int64]:
-        """Write beams into the log-odds; indices of the cells around which the field changes."""
+    def _write(self, beams: Beams, max_touched: int) -> ListLengths:
+        """Write beams into the log-odds; how many cells there are in `_lists` then."""
         if len(self._lists.changed) < max_touched:
             self._lists = CellLists(*(np.empty(2 * max_touched, np.int64) for _ in range(2)))
         log_odds, field = self.log_odds.reshape(-1), self.pyramid[0].reshape(-1)
         layers = MapLayers(log_odds, field, self.log_odds.shape[1])
-        count = integrate_beams(layers, beams, self._rules, self._lists)
-        return self._lists.changed[:count]
+        return integrate_beams(layers, beams, self._rules, self._lists)
 
     def build_likelihood_field(self) -> None:
         """Build the likelihood field of the whole map, and its bounds, where there is none yet."""

@@ -17,6 +17,7 @@ from mapcli.algorithms.slam.match import MIN_POINTS, Match, MatchParameters
 from mapcli.algorithms.slam.motion_model import OdometryUncertainty
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.scan_points import ScanPoints, points_of, window_box
+from mapcli.algorithms.slam.surfel_map import BEARING_VARIANCE
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import InformationMatrix
 
@@ -78,7 +79,13 @@ class ScanInMap:
         """
         if not self._refines:
             return self.compare(near)
-        fit = self.grid.surfels.fit(self.points.metres, near, predicted, uncertainty.deviations)
+        fit = self.grid.surfels.fit(
+            self.points.metres,
+            near,
+            predicted,
+            uncertainty.deviations,
+            BEARING_VARIANCE,
+        )
         moved = near.distance(fit.pose) + abs(near.between(fit.pose).theta) * self.points.radius
         if fit.matched >= MIN_POINTS and moved < FARTHEST_REFINEMENT * self.cell:
             return self.compare(fit.pose, fit.information_in_own_frame())

@@ -40,6 +40,13 @@ THICKNESS = 0.015
 """Metres: how well a point tells where a wall is, at best. It is what lasers err by, and
 keeps the information of few points on a line finite."""
 
+BEAM_WIDTH = 0.007
+"""Radians: lasers on robots send beams of 0.25 to 0.75 degrees."""
+
+BEARING_VARIANCE = BEAM_WIDTH**2 / 12
+"""Squared radians: of where in its width a beam was reflected, as likely here as there. It makes
+ends uncertain across a wall by 2 mm for each metre that the beam runs along it."""
+
 INDEPENDENT_SHARE = 0.3
 """Of a scan's points, those that count as evidence of their own: errors of neighbouring beams are
 alike, so information would be too large if every point counted."""
@@ -136,6 +143,7 @@ class SurfelMap:
         start: Pose2D,
         predicted: Pose2D | None = None,
         deviations: StandardDeviations = UNKNOWN,
+        bearing_variance: float = 0.0,
     ) -> ScanFit:
         """The pose near `start` at which points lie on surfels.
 
@@ -143,6 +151,7 @@ class SurfelMap:
             points: shape (n, 2), metres in the robot's frame.
             predicted: the pose that odometry says; it decides where the surfels do not.
             deviations: how far off that may be.
+            bearing_variance: of a point seen from the robot, rad^2.
         """
         guess = predicted or start
         # Headings on the same turn of the circle.
@@ -160,6 +169,7 @@ class SurfelMap:
             (float(start.x), float(start.y), float(start.theta)),
             (float(guess.x), float(guess.y), heading),
             weights,
+            bearing_variance,
         )
         xx, xy, xt, yy, yt, tt = (INDEPENDENT_SHARE * entry for entry in upper)
         information = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
@@ -188,7 +198,9 @@ class SurfelMap:
         points = np.concatenate(scans).astype(np.float64)
         bounds = np.cumsum([0, *(len(scan) for scan in scans)])
         correspondences, matched = np.empty(len(points), np.int64), np.empty(len(poses), np.int64)
-        icp.fit_scans(self._table, points, bounds, correspondences, poses, matched)
+        icp.fit_scans(
+            self._table, points, bounds, correspondences, BEARING_VARIANCE, poses, matched
+        )
         return [
             (Pose2D(x, y, wrap_angle(theta)), n)
             for (x, y, theta), n in zip(poses.tolist(), matched.tolist(), strict=True)

@@ -32,7 +32,7 @@ from mapcli.algorithms.slam._kernels.sweep_refinement import (
 )
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.motion_model import MotionModel
-from mapcli.algorithms.slam.surfel_map import INDEPENDENT_SHARE, SurfelMap
+from mapcli.algorithms.slam.surfel_map import BEARING_VARIANCE, INDEPENDENT_SHARE, SurfelMap
 from mapcli.algorithms.slam.tracked_sweeps import TrackedSweeps
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.scan import NANOSECONDS
@@ -138,7 +138,7 @@ class _SweepFit:
         equations = NormalEquations(np.zeros((n, kernels.BAND)), np.zeros(n))
         for timed in self._blocks():
             seen_from = self._seen_from(timed)
-            kernels.add_points(surfels.table, timed, seen_from, equations)
+            kernels.add_points(surfels.table, timed, seen_from, BEARING_VARIANCE, equations)
         kernels.add_odometry(self._odometry, self.path.poses, equations)
         kernels.solve_banded(equations)
         self._set(self.path.poses + equations.right.reshape(-1, 3))

@@ -2,14 +2,18 @@
 
 What is brought down is, over the points p that have a surfel,
 
-    sum of  rho(e_p^T I_p e_p)  +  the same for the prediction,
+    sum of  rho(s_p e_p^T I_p e_p)  +  the same for the prediction,
 
     e_p = m_p - (t + R(theta) p)     the residual, from the point in the map to the surfel's mean
     I_p                              the surfel's information: large across its line, 0 along it
+    s_p = 1 / (1 + b J^T I_p J)      what is left of it, since the point's bearing is known to a
+                                     variance b only, and J is how the point moves with it
     rho(q) = s^2 q / (s^2 + q)       the robust kernel of Geman and McClure, of scale s
 
 With I_p of rank one, e_p^T I_p e_p is the squared distance from the point to the line, over its
-variance. Poses (x, y, theta) are those of the robot in the map; metres and radians.
+variance; and s_p adds to this the variance of the bearing across the line, which is the larger the
+farther the point is and the flatter its beam hits. Poses (x, y, theta) are those of the robot in
+the map; metres and radians.
 """
 
 from __future__ import annotations
@@ -85,11 +89,12 @@ def gauss_newton(
     correspondences: NDArray[np.int64],
     pose: Pose,
     prediction: Prediction,
+    bearing_variance: float,
 ) -> tuple[Pose, NormalEquations]:
     """The pose at which points fit the surfels that they belong to, and the last normal equations
     on the way there, from the points alone."""
     for _ in range(STEPS):
-        equations = linearise(surfels, points, correspondences, pose)
+        equations = linearise(surfels, points, correspondences, pose, bearing_variance)
         before = pose
         pose = solve_step(pose, with_prediction(equations, pose, prediction))
         if is_still(before, pose, LAST_STEP):
@@ -110,6 +115,7 @@ def linearise(
     points: NDArray[np.float64],
     correspondences: NDArray[np.int64],
     pose: Pose,
+    bearing_variance: float,
 ) -> NormalEquations:
     """The normal equations of the points that have a surfel, at a pose.
 
@@ -121,7 +127,8 @@ def linearise(
             [0  1   rx]              [Wxy  Wyy  ty           ]              [gy           ]
                                      [tx   ty   rx ty - ry tx]              [rx gy - ry gx]
 
-    where (tx, ty) = W (-ry, rx): a turn moves r to its left; and (gx, gy) = W e.
+    where (tx, ty) = W (-ry, rx): a turn moves r to its left, as does an error of the bearing; and
+    (gx, gy) = W e.
     """
     x, y, theta = pose
     c, s = cos(theta), sin(theta)
@@ -133,7 +140,7 @@ def linearise(
         px, py = points[p, 0], points[p, 1]
         rx, ry = c * px - s * py, s * px + c * py
         ex, ey = surfels[at, SURFEL_X] - x - rx, surfels[at, SURFEL_Y] - y - ry
-        xx, xy, yy = weighted_information(surfels, at, ex, ey)
+        xx, xy, yy = weighted_information(surfels, at, (ex, ey), (rx, ry), bearing_variance)
         tx, ty = xy * rx - xx * ry, yy * rx - xy * ry
         gx, gy = xx * ex + xy * ey, xy * ex + yy * ey
         n_xx += xx
@@ -150,17 +157,29 @@ def linearise(
 
 @kernel
 def weighted_information(
-    surfels: NDArray[np.float64], at: int, ex: float, ey: float
+    surfels: NDArray[np.float64],
+    at: int,
+    residual: tuple[float, float],
+    seen: tuple[float, float],
+    bearing_variance: float,
 ) -> tuple[float, float, float]:
-    """W = (xx, xy, yy): a surfel's information times the robust weight of a residual (ex, ey)."""
+    """W = (xx, xy, yy): the surfel's information, less what the error of the point's bearing takes,
+    times the robust weight of its residual.
+
+    Args:
+        residual: (ex, ey); seen: (rx, ry), the point from the robot; both in the map's axes.
+    """
+    (ex, ey), (rx, ry) = residual, seen
     xx, xy, yy = (
         surfels[at, INFORMATION_XX],
         surfels[at, INFORMATION_XY],
         surfels[at, INFORMATION_YY],
     )
-    square = xx * ex * ex + 2 * xy * ex * ey + yy * ey * ey
+    turned = xx * ry * ry - 2 * xy * rx * ry + yy * rx * rx  # J^T I J
+    share = 1 / (1 + bearing_variance * turned)
+    square = share * (xx * ex * ex + 2 * xy * ex * ey + yy * ey * ey)
     root = sqrt_robust_weight(square, SQUARED_SCALE)
-    weight = root * root
+    weight = share * root * root
     return weight * xx, weight * xy, weight * yy
 
 

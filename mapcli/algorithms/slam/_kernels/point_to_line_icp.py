@@ -50,19 +50,21 @@ def fit_scan(
     start: tuple[float, float, float],
     predicted: tuple[float, float, float],
     weights: tuple[float, float, float],
+    bearing_variance: float,
 ) -> tuple[tuple[float, ...], tuple[float, ...], int]:
     """`fit_pose` for a call from Python, once or twice a scan: plain tuples get into compiled code
     and out of it in a third of the time of records (4 of 13 microseconds a call).
 
     Args:
         start, predicted: fields of a `Pose`; weights: the other fields of a `Prediction`.
+        bearing_variance: see `fit_pose`.
 
     Returns:
         The pose's fields, the upper triangle of its information by rows, and how many points have
         a surfel.
     """
     prediction = Prediction(Pose(*predicted), *weights)
-    fit = fit_pose(table, points, correspondences, Pose(*start), prediction)
+    fit = fit_pose(table, points, correspondences, Pose(*start), prediction, bearing_variance)
     return fit.pose[:3], fit.equations[:6], fit.matched
 
 
@@ -72,6 +74,7 @@ def fit_scans(
     points: NDArray[np.float64],
     bounds: NDArray[np.int64],
     correspondences: NDArray[np.int64],
+    bearing_variance: float,
     poses: NDArray[np.float64],
     matched: NDArray[np.int64],
 ) -> None:
@@ -80,6 +83,7 @@ def fit_scans(
     Args:
         points, correspondences: as for `fit_pose`, one scan after the other; those of scan k are
             from bounds[k] to bounds[k + 1] - 1.
+        bearing_variance: see `fit_pose`.
         poses: shape (scans, 3), (x, y, theta); changed in place.
         matched: shape (scans,), filled with how many points of each have a surfel.
     """
@@ -87,7 +91,7 @@ def fit_scans(
         part = slice(bounds[k], bounds[k + 1])
         pose = Pose(poses[k, 0], poses[k, 1], poses[k, 2])
         nothing = Prediction(pose, 0.0, 0.0, SQUARED_SCALE)
-        fit = fit_pose(table, points[part], correspondences[part], pose, nothing)
+        fit = fit_pose(table, points[part], correspondences[part], pose, nothing, bearing_variance)
         poses[k, 0], poses[k, 1], poses[k, 2] = fit.pose
         matched[k] = fit.matched
 
@@ -99,6 +103,7 @@ def fit_pose(
     correspondences: NDArray[np.int64],
     pose: Pose,
     prediction: Prediction,
+    bearing_variance: float,
 ) -> Fit:
     """Fit a scan's pose to the surfels near its points, and to what is predicted.
 
@@ -106,11 +111,14 @@ def fit_pose(
         points: shape (n, 2), metres in the robot's frame.
         correspondences: shape (n,), filled with the slot of each point's surfel, 0 for none.
         pose: where to start, less than three cells off.
+        bearing_variance: of a point seen from the robot, rad^2.
     """
     for _ in range(ROUNDS):
         matched = associate(table, points, pose, correspondences)
         begun = pose
-        pose, equations = gauss_newton(table.surfels, points, correspondences, pose, prediction)
+        pose, equations = gauss_newton(
+            table.surfels, points, correspondences, pose, prediction, bearing_variance
+        )
         if is_still(begun, pose, 1.0):
             break
     return Fit(pose, equations, matched)

@@ -106,10 +106,12 @@ class CellLists(NamedTuple):
 
 
 class ListLengths(NamedTuple):
-    """How many indices there are in each of `CellLists` so far."""
+    """How many indices there are in each of `CellLists` so far; the first of those touched were
+    hit, the others passed."""
 
     touched: int
     changed: int
+    hit: int
 
 
 @kernel
@@ -146,7 +148,9 @@ def place_beams(
 
 
 @kernel
-def integrate_beams(grid: MapLayers, beams: Beams, rules: LogOddsRules, lists: CellLists) -> int:
+def integrate_beams(
+    grid: MapLayers, beams: Beams, rules: LogOddsRules, lists: CellLists
+) -> ListLengths:
     """Write one scan into the map: what its beams hit, then what they passed through.
 
     A cell is written at most once a scan, and being hit goes before being passed, so that beams
@@ -157,14 +161,15 @@ def integrate_beams(grid: MapLayers, beams: Beams, rules: LogOddsRules, lists: C
         lists: filled.
 
     Returns:
-        How many cells there are in `lists.changed`.
+        How many cells there are in `lists`.
     """
     lengths = hit_cells(grid, beams, rules, lists)
+    hit = lengths.touched
     for beam in range(len(beams.cells) - 1):
         lengths = pass_cells(grid, beams, beam, rules, lists, lengths)
     for k in range(lengths.touched):
         grid.log_odds[lists.touched[k]] -= SEEN
-    return lengths.changed
+    return ListLengths(lengths.touched, lengths.changed, hit)
 
 
 @kernel
@@ -186,7 +191,7 @@ def hit_cells(grid: MapLayers, beams: Beams, rules: LogOddsRules, lists: CellLis
         log_odds[at] = new + SEEN
         touched[n_touched] = at
         n_touched += 1
-    return ListLengths(n_touched, n_changed)
+    return ListLengths(n_touched, n_changed, 0)
 
 
 @kernel
@@ -227,7 +232,7 @@ def pass_cells(
         is_u = ahead < 0
         at += step_u if is_u else step_v
         ahead += across_u if is_u else -across_v
-    return ListLengths(n_touched, n_changed)
+    return ListLengths(n_touched, n_changed, 0)
 
 
 @kernel

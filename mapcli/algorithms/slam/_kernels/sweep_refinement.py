@@ -162,6 +162,7 @@ def add_points(
     table: SurfelTable,
     timed: TimedPoints,
     seen_from: NDArray[np.float64],
+    bearing_variance: float,
     equations: NormalEquations,
 ) -> None:
     """Add what the points say that have a surfel near them; see `gauss_newton.linearise`."""
@@ -175,7 +176,7 @@ def add_points(
         if at == 0:
             continue
         ex, ey = surfels[at, SURFEL_X] - x - rx, surfels[at, SURFEL_Y] - y - ry
-        xx, xy, yy = weighted_information(surfels, at, ex, ey)
+        xx, xy, yy = weighted_information(surfels, at, (ex, ey), (rx, ry), bearing_variance)
         tx, ty = xy * rx - xx * ry, yy * rx - xy * ry
         gx, gy = xx * ex + xy * ey, xy * ex + yy * ey
         matrix = Symmetric(xx, xy, tx, yy, ty, rx * ty - ry * tx)

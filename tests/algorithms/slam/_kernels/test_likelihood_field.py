@@ -260,8 +260,8 @@ def test_a_beam_through_an_interpolated_gap_undoes_it() -> None:
     log_odds, beam = UNKNOWN.copy(), np.array([(32.5, 50.5), (32.5, 35.5)])
     lists = CellLists(np.empty(20, np.int64), np.empty(20, np.int64))
     grid = MapLayers(log_odds.reshape(-1), pyramid[0].reshape(-1), 80)
-    count = integrate_beams(grid, Beams(beam, 0), RULES, lists)
-    changed = lists.changed[:count]
+    lengths = integrate_beams(grid, Beams(beam, 0), RULES, lists)
+    changed = lists.changed[: lengths.changed]
     assert changed.tolist() == [40 * 80 + 32]
     update_likelihood_field(pyramid, LEVEL_WIDTHS, log_odds, changed, GAUSSIAN)
     assert pyramid[0, 40, 32] == 0

@@ -45,12 +45,14 @@ def room(step: float, start: float) -> Floats:
     return moved(np.concatenate(parts), np.array([0, 0, 0.3]))
 
 
-def fit(table: SurfelTable, points: Floats, start: Floats) -> tuple[Floats, Floats, int]:
+def fit(
+    table: SurfelTable, points: Floats, start: Floats, variance: float = 0.0
+) -> tuple[Floats, Floats, int]:
     """Pose, normal matrix and number of correspondences, without odometry."""
     x, y, theta = start.tolist()
     correspondences, nothing = np.empty(len(points), np.int64), (0.0, 0.0, 9.0)
     pose, upper, matched = icp.fit_scan(
-        table, points, correspondences, (x, y, theta), (0.0, 0.0, 0.0), nothing
+        table, points, correspondences, (x, y, theta), (0.0, 0.0, 0.0), nothing, variance
     )
     assert matched == np.count_nonzero(correspondences)
     return np.array(pose), full_of(NormalEquations(*upper, 0.0, 0.0, 0.0))[0], matched
@@ -79,9 +81,10 @@ def test_scans_are_fitted_each_for_itself() -> None:
     starts = [np.array([0.01 * k, -0.02, 0.003 * k]) for k in range(4)]
     points, bounds = np.concatenate(scans), np.cumsum([0, *(len(scan) for scan in scans)])
     poses, matched = np.array(starts), np.empty(len(scans), np.int64)
-    icp.fit_scans(table, points, bounds, np.empty(len(points), np.int64), poses, matched)
+    correspondences = np.empty(len(points), np.int64)
+    icp.fit_scans(table, points, bounds, correspondences, 1e-4, poses, matched)
     for k, (scan, start) in enumerate(zip(scans, starts, strict=True)):
-        pose, _, alone = fit(table, scan, start)
+        pose, _, alone = fit(table, scan, start, 1e-4)
         assert poses[k].tolist() == pose.tolist()
         assert matched[k] == alone
 

@@ -83,8 +83,8 @@ def fast_integrate(
     lists = CellLists(touched=np.full(room, -1), changed=np.full(room, -1))
     grid = MapLayers(after.reshape(-1), field.reshape(-1), columns)
     beams = Beams(np.concatenate([ends, laser[None]]), hits)
-    count = integrate_beams(grid, beams, rules, lists)
-    return after, [divmod(cell, columns) for cell in lists.changed[:count].tolist()]
+    lengths = integrate_beams(grid, beams, rules, lists)
+    return after, [divmod(cell, columns) for cell in lists.changed[: lengths.changed].tolist()]
 
 
 def beams(*ends: tuple[float, float]) -> NDArray[np.float64]:

@@ -143,7 +143,7 @@ def test_both_poses_share_a_point_in_proportion_to_time() -> None:
                  timed(point, [0], [u])):  # fmt: skip
         seen, equations = np.empty((1, 3)), empty(2)
         kernels.place_points(some, path, seen)
-        kernels.add_points(surfels.table, some, seen, equations)
+        kernels.add_points(surfels.table, some, seen, 1e-4, equations)
         found.append((dense(equations), equations.right))
     (alone, pull), (shared, pulls) = found
     assert alone[0, 0] > 0
