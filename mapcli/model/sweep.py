@@ -87,25 +87,14 @@ class SweepMotion:
         Args:
             points: shape (n, 2), each in the robot's frame at its time.
         """
-        x, y, cos, sin = self._motions(seconds)
-        u, v = points[:, 0], points[:, 1]
-        return np.column_stack([cos * u - sin * v + x, sin * u + cos * v + y])
-
-    def skew(
-        self, points: NDArray[np.float64], seconds: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """The inverse of `deskew`: points at the stamp as they were seen at these times."""
-        x, y, cos, sin = self._motions(seconds)
-        u, v = points[:, 0] - x, points[:, 1] - y
-        return np.column_stack([cos * u + sin * v, cos * v - sin * u])
-
-    def _motions(self, seconds: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """x, y, cosine and sine of the heading at each time."""
         poses = self.at(seconds)
-        theta = poses[:, 2]
-        cos: NDArray[np.float64] = np.cos(theta)
-        sin: NDArray[np.float64] = np.sin(theta)
-        return poses[:, 0], poses[:, 1], cos, sin
+        x, y, theta = poses[:, 0], poses[:, 1], poses[:, 2]
+        cos, sin = np.cos(theta), np.sin(theta)
+        u, v = points[:, 0], points[:, 1]
+        moved = np.empty((len(points), 2))
+        moved[:, 0] = cos * u - sin * v + x
+        moved[:, 1] = sin * u + cos * v + y
+        return moved
 
 
 STILL = SweepMotion(np.zeros(1), np.zeros((1, 3)))

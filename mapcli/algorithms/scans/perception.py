@@ -43,13 +43,19 @@ class Sweep:
     """The beams of a perception in time.
 
     Attributes:
-        seconds: after the scan's stamp, shape (n + k + 1,), in the order of `Perception.beams`;
-            the last is that of the laser's position.
+        raw: shape (n + k + 1, 2), `Perception.beams` in the robot's frame when each was taken.
+        seconds: shape (n + k + 1,), when that was, after the scan's stamp.
         motion: of the robot, by which they were deskewed.
     """
 
+    raw: NDArray[np.float64]
     seconds: NDArray[np.float64]
     motion: SweepMotion
+
+    def perception(self, hits: int) -> Perception:
+        """The beams where they were taken; the first so many are hits."""
+        moved = self.motion.deskew(self.raw, self.seconds)
+        return Perception(moved[:hits], moved[hits:-1], moved[-1], self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,10 +82,7 @@ class Perception:
         """The same beams, if the robot moved like this while they were taken."""
         if self.sweep is None:
             return self
-        beams, seconds = self.beams(), self.sweep.seconds
-        moved = motion.deskew(self.sweep.motion.skew(beams, seconds), seconds)
-        hits, n = len(self.hits), len(beams) - 1
-        return Perception(moved[:hits], moved[hits:n], moved[n], Sweep(seconds, motion))
+        return replace(self.sweep, motion=motion).perception(len(self.hits))
 
 
 NOTHING_SEEN = Perception(np.empty((0, 2)), np.empty((0, 2)), np.zeros(2))
@@ -105,4 +108,4 @@ def perceive(scan: RangeScan, parameters: PerceptionParameters) -> Perception:
     seconds = scan.beam_seconds()
     opened = seconds[scan.ranges > farthest] if len(open_ends) else ()
     times = np.concatenate([seconds[scan.hits(nearest, farthest)], opened, [seconds.mean()]])
-    return replace(p, sweep=Sweep(times, STILL)).deskewed(scan.motion or STILL)
+    return Sweep(p.beams(), times, scan.motion or STILL).perception(len(p.hits))

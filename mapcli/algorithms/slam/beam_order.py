@@ -28,7 +28,8 @@ BEFORE = 5
 """Scans before the first that tells, which show what is there."""
 
 FEWEST, MOST = 10, 60
-"""Scans that an order is found from at least, and after which the search begins anew."""
+"""Scans that an order is found from at least, and after which the search begins anew; it also does
+after four times as many under which the robot hardly moves."""
 
 MOST_SEARCHES = 10
 """Searches after which the order counts as that of the array: the log does not tell."""
@@ -70,10 +71,10 @@ class BeamOrderSearch:
                 trial = _Trial(self._parameters)
                 for one in list(held)[:-1]:
                     trial.step(*one)
-            if trial is not None:
+            if trial is not None and _metres_moved(scan) >= MOVED_M:
                 self.found = trial.step(scan, odom)
-                if self.found is not None or trial.scans >= MOST:
-                    self._searches, trial = self._searches + 1, None
+            if trial is not None and (self.found or max(trial.scans, len(held) / 4) >= MOST):
+                self._searches, trial = self._searches + 1, None
             if self._is_over or trial is None:
                 while len(held) > (0 if self._is_over else BEFORE):
                     yield self._ordered(held[0][0]), held.popleft()[1]

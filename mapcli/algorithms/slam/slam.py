@@ -168,7 +168,9 @@ class Slam:
 
     def _perceive(self, scan: RangeScan) -> Perception:
         """The perception map of a scan, deskewed as is known before it is matched."""
-        return self.sweep_motion.deskewed(perceive(scan, self.parameters.perception), scan)
+        if scan.first_ns < scan.last_ns:
+            scan = replace(scan, motion=self.sweep_motion.motion(scan))
+        return perceive(scan, self.parameters.perception)
 
     def _match(
         self,

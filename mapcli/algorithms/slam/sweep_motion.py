@@ -44,13 +44,16 @@ class SweepMotionFilter:
         sweep = perception.sweep
         if sweep is None:
             return perception
-        motion = self._motion(scan)
-        x, y, theta = np.abs(motion.at(sweep.seconds) - sweep.motion.at(sweep.seconds)).max(axis=0)
+        motion = self.motion(scan)
+        # Both are straight between the same times.
+        other = motion.poses - sweep.motion.at(motion.seconds)
+        x, y, theta = np.abs(other).max(axis=0)
         farthest = float(np.abs(perception.hits).max(initial=0.0))
         same = math.hypot(x, y) + theta * farthest < SAME_M
         return perception if same else perception.deskewed(motion)
 
-    def _motion(self, scan: RangeScan) -> SweepMotion:
+    def motion(self, scan: RangeScan) -> SweepMotion:
+        """The likeliest motion during a scan."""
         counted = scan.motion
         if counted is None:
             ends = np.array([scan.first_ns - scan.stamp_ns, scan.last_ns - scan.stamp_ns])

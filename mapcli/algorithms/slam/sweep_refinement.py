@@ -39,8 +39,9 @@ from mapcli.model.scan import NANOSECONDS
 from mapcli.model.sweep import STILL, SweepMotion
 from mapcli.model.sweep_summary import Crispness
 
-ROUNDS, STEPS = 2, 4
-"""How often the surfel map is made anew, and Gauss-Newton steps with each."""
+ROUNDS, STEPS, STILL_M = 2, 4, 2e-4
+"""How often the surfel map is made, and Gauss-Newton steps with each at most; a step that moves
+poses by less, metres on average, is the last."""
 
 LONGEST_PAUSE = 1.0
 """Sweeps follow each other when the pause between them is at most so many times a sweep."""
@@ -92,8 +93,9 @@ def refine_sweeps(
     for _ in range(ROUNDS):
         surfels = fit.surfel_map(cell)
         for _ in range(STEPS):
-            fit.step(surfels)
-    return SweepRefinement(fit.deskewed(), fit.poses(), fit.crispness(fit.surfel_map(cell)))
+            if fit.step(surfels) < STILL_M:
+                break
+    return SweepRefinement(fit.deskewed(), fit.poses(), fit.crispness(surfels))
 
 
 class _SweepFit:
@@ -132,8 +134,8 @@ class _SweepFit:
         """Of every scan, as fitted by now."""
         return [Pose2D(x, y, wrap_angle(theta)) for x, y, theta in self.path.poses.tolist()]
 
-    def step(self, surfels: SurfelMap) -> None:
-        """One step of Gauss-Newton."""
+    def step(self, surfels: SurfelMap) -> float:
+        """One step of Gauss-Newton; the metres that it moves poses by, on average."""
         n = 3 * len(self.path.poses)
         equations = NormalEquations(np.zeros((n, kernels.BAND)), np.zeros(n))
         for timed in self._blocks():
@@ -141,7 +143,9 @@ class _SweepFit:
             kernels.add_points(surfels.table, timed, seen_from, BEARING_VARIANCE, equations)
         kernels.add_odometry(self._odometry, self.path.poses, equations)
         kernels.solve_banded(equations)
-        self._set(self.path.poses + equations.right.reshape(-1, 3))
+        moved = equations.right.reshape(-1, 3)
+        self._set(self.path.poses + moved)
+        return float(np.hypot(moved[:, 0], moved[:, 1]).mean())
 
     def _seen_from(self, timed: TimedPoints) -> Floats:
         seen_from = np.empty((len(timed.scans), 3))

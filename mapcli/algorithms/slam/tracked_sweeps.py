@@ -77,5 +77,4 @@ def _in_time(
     if sweep is None:
         return np.column_stack([points, np.zeros((len(points), COLUMNS - 2))])
     seconds = sweep.seconds[kept]
-    raw = sweep.motion.skew(points, seconds)
-    return np.column_stack([raw, seconds, counted.at(seconds)])
+    return np.column_stack([sweep.raw[kept], seconds, counted.at(seconds)])

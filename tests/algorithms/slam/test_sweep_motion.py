@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mapcli import Pose2D
-from mapcli.algorithms.scans.perception import Perception, Sweep
+from mapcli.algorithms.scans.perception import Sweep
 from mapcli.algorithms.slam.sweep_motion import SweepMotionFilter
 from mapcli.model.scan import RangeScan
 from mapcli.model.sweep import STILL, BeamTiming, SweepMotion
@@ -16,7 +16,8 @@ from mapcli.model.sweep import STILL, BeamTiming, SweepMotion
 SECOND = 10**9
 SECONDS = np.array([0.0, 0.5])
 HITS = np.array([[1.0, 0.0], [5.0, 0.0]])
-SEEN = Perception(HITS, np.empty((0, 2)), np.zeros(2), Sweep(np.array([0.0, 0.5, 0.25]), STILL))
+RAW = np.concatenate([HITS, np.zeros((1, 2))])
+SEEN = Sweep(RAW, np.array([0.0, 0.5, 0.25]), STILL).perception(2)
 
 
 def scan(k: int, counted: float | None) -> RangeScan:
