@@ -58,6 +58,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; a test compares it with
     from mapcli.algorithms.simulation.sensors import WheelModel as WheelModel
     from mapcli.algorithms.simulation.simulate import Simulation as Simulation
     from mapcli.algorithms.simulation.simulate import simulate as simulate
+    from mapcli.algorithms.simulation.tour import plan_tour as plan_tour
     from mapcli.algorithms.slam.replay import replay as replay
     from mapcli.algorithms.slam.slam import SlamParameters as SlamParameters
     from mapcli.formats.documents.load_trajectory import load_trajectory as load_trajectory
@@ -118,6 +119,7 @@ HOMES = {
     "load_waypoints": "mapcli.formats.documents.waypoints",
     "simulate": "mapcli.algorithms.simulation.simulate",
     "plan_drive": "mapcli.algorithms.simulation.drive_plan",
+    "plan_tour": "mapcli.algorithms.simulation.tour",
     "plan_mowing": "mapcli.algorithms.simulation.mowing_plan",
     "mow": "mapcli.algorithms.simulation.mowing",
     # Records that the verbs take

@@ -14,6 +14,7 @@ from mapcli import memory, notices
 from mapcli.commands._say import note_meanwhile
 from mapcli.formats.input import pipes_kept
 from mapcli.model.pose import FARTHEST_M, Pose2D
+from mapcli.model.scan import LATEST_STAMP_S
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -26,6 +27,7 @@ class Number(click.FloatRange):
     """A finite number in a range: "nan" is of no range, though every comparison lets it pass."""
 
     name = "number"
+    farthest: ClassVar[float] = FARTHEST_M
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -33,12 +35,19 @@ class Number(click.FloatRange):
         number = float(super().convert(value, param, ctx))
         if not math.isfinite(number):
             self.fail(f"{value!r} is not a finite number.", param, ctx)
-        if abs(number) > FARTHEST_M:
-            self.fail(f"{value!r} is more than {FARTHEST_M:g}.", param, ctx)
+        if abs(number) > self.farthest:
+            self.fail(f"{value!r} is more than {self.farthest:g}.", param, ctx)
         return number
 
 
+class UnixTime(Number):
+    """Seconds since 1970, as far as logs can tell them."""
+
+    farthest = LATEST_STAMP_S
+
+
 POSITIVE = Number(0, min_open=True)
+UNIX_TIME = UnixTime(0)
 NOT_NEGATIVE = Number(0)
 
 

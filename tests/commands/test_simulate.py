@@ -84,6 +84,48 @@ def test_a_grid_map_as_world(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert "1.0 m in 3.0 s" in capsys.readouterr().err
 
 
+def test_troubles_of_laser_and_wheels(tmp_path: Path) -> None:
+    """A laser of half a second a turn looks 1 m far in the corridor and has a twin behind it."""
+    out, store = tmp_path / "log.mcap", get_typestore(Stores.ROS2_HUMBLE)
+    lasers = "--range-max", 1, "--no-return", "7,8", "--rear-laser-pose", "-0.2,0,180"
+    people = "--people", 2, "--glass", 0.2, "--start-time", 1_700_000_000.5
+    wheels = "--odom-delay", 0.2, "--odom-fault", "stale@3-4", "--odom-fault", "slip-left@5-6"
+    options = *CORRIDOR, *FAST, "--turn-time", 0.5, *lasers, *wheels, *people
+    assert run(*options, out) == 0
+    logged = messages(out)
+    assert run(*options, tmp_path / "again.mcap") == 0
+    assert out.read_bytes() == (tmp_path / "again.mcap").read_bytes()
+    assert {topic for topic, _, _ in logged} == {
+        "/ground_truth", "/odom", "/tf", "/tf_static", "/scan", "/scan_2",
+    }  # fmt: skip
+    assert logged[0][1] == 1_700_000_000_500_000_000
+    for topic, frame, x in (("/scan", "laser", 0), ("/scan_2", "laser_2", -0.2)):
+        scans = [store.deserialize_cdr(data, "sensor_msgs/msg/LaserScan")
+                 for name, _, data in logged if name == topic]  # fmt: skip
+        assert {scan.header.frame_id for scan in scans} == {frame}
+        assert [scan.time_increment for scan in scans] == pytest.approx([0.5 / 12] * len(scans))
+        assert {7, 8} <= {float(r) for scan in scans for r in scan.ranges if r > 1} <= {7, 8}
+        mounts = [store.deserialize_cdr(data, "tf2_msgs/msg/TFMessage").transforms[0]
+                  for name, _, data in logged if name == "/tf_static"]  # fmt: skip
+        assert [m.transform.translation.x for m in mounts if m.child_frame_id == frame] == [x]
+
+
+def test_a_tour_of_a_grid_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "map.txt").write_text("######\n#..#.#\n#....#\n######\n")
+    tour = tmp_path / "map.txt", "--tour", 3, *FAST
+    assert run(*tour, "-v", tmp_path / "a.mcap") == 0
+    shown = capsys.readouterr().err.splitlines()
+    assert shown[0].split(maxsplit=4)[4] == shown[-2].split(maxsplit=4)[4]  # it comes home
+    assert len(shown) >= 6
+    assert run(*tour, "--seed", 1, tmp_path / "b.mcap") == 0
+    assert (tmp_path / "a.mcap").read_bytes() != (tmp_path / "b.mcap").read_bytes()
+
+
+def test_a_tour_needs_a_grid_map(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(CORRIDOR[0], "--tour", 3, tmp_path / "a.mcap") == 1
+    assert "corridor.yaml: is no grid map; expected one for --tour" in capsys.readouterr().err
+
+
 def test_a_drive_into_a_wall(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, out = tmp_path / "path.txt", tmp_path / "log.mcap"
     path.write_text("0.8 0.9\n4 1\n9 1\n")
@@ -116,6 +158,13 @@ def test_data_errors(
         ([CORRIDOR[0]], "Missing option '--path'"),
         (["-", "--path", "-"], "cannot both be standard input"),
         ([*CORRIDOR, "--seed", "-1"], "'--seed'"),
+        ([*CORRIDOR, "--tour", "3"], "--path and --tour are two ways: leave out one."),
+        ([CORRIDOR[0], "--tour", "0"], "'--tour'"),
+        ([*CORRIDOR, "--start-time", "3e9"], "'3e9' is more than 2.14748e+09"),
+        ([*CORRIDOR, "--no-return", "a"], "'a' is not of the form M[,M...]."),
+        ([*CORRIDOR, "--no-return", "-1"], "no_return is (-1.0,); expected metres, 0 or more"),
+        ([*CORRIDOR, "--turn-time", "0.2"], "turn_time is 0.2; expected seconds, up to those"),
+        ([*CORRIDOR, "--glass", "2"], "'--glass'"),
         ([*CORRIDOR, "--beams", "0"], "beams is 0; expected more than 0."),
         ([*CORRIDOR, "--range-max", "nan"], "range_max is nan"),
         ([*CORRIDOR, "--odom-noise", "1,2,3"], "'1,2,3' is not of the form A1,A2,A3,A4."),

@@ -37,6 +37,7 @@ EXAMPLES = {
     ),
     "simulate": (
         "<world.yaml >o.mcap --path <path.txt --beams 8 --scan-rate 1",
+        "<room.txt >o.mcap --tour 2 --beams 8 --scan-rate 1",
         "<lawn.yaml >o.mcap --mow --runs 2 --mow-width 2 --odom-rate 1 --png >p.png --json >r.json",
     ),
     "evaluate": (

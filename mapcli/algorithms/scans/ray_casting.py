@@ -96,8 +96,9 @@ def clearance(edges: Floats, points: Floats, reach: float) -> Floats:
 
 @np.errstate(all="ignore")  # parallel to an edge, or a world of astronomic size: no return
 def cast(
-    edges: Floats, laser: Pose2D, angle_min: float, increment: float, beams: int, reach: float
-) -> Floats:
+    edges: Floats, laser: Pose2D, angle_min: float, increment: float, beams: int, reach: float,
+    squareness: float = 0.0,
+) -> Floats:  # fmt: skip
     """Distance along each beam to the first edge, shape (beams,), inf where none is in reach.
 
     Args:
@@ -106,16 +107,25 @@ def cast(
         angle_min, increment: bearing of the first beam and from one to the next (positive),
             counter-clockwise in the sensor's frame, radians; at most one turn altogether.
         reach: metres.
+        squareness: cosine of the flattest angle to an edge's normal under which a beam returns.
     """
     ranges = np.full(beams, np.inf)
     position = np.array([laser.x, laser.y])
     near = edges_near(edges, position - reach, position + reach)
     seen = laser.inverse().apply(near.reshape(-1, 2)).reshape(-1, 2, 2)
     edge, beam = _candidates(seen, angle_min, increment, beams)
-    length = _distances(seen[edge], angle_min + increment * beam.astype(np.float64))
-    hit = length <= reach
+    bearings = angle_min + increment * beam.astype(np.float64)
+    length = _distances(seen[edge], bearings)
+    hit = (length <= reach) & (_squareness(seen[edge], bearings) >= squareness)
     np.minimum.at(ranges, beam[hit], length[hit])
     return ranges
+
+
+def _squareness(edges: Floats, bearings: Floats) -> Floats:
+    """Cosine of the angle between each beam and its edge's normal: 1 is straight on."""
+    along = edges[..., 1, :] - edges[..., 0, :]
+    across = np.abs(np.cos(bearings) * along[..., 1] - np.sin(bearings) * along[..., 0])
+    return np.asarray(across / np.linalg.norm(along, axis=-1))
 
 
 def _candidates(

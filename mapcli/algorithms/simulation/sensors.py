@@ -3,25 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mapcli.algorithms.scans.ray_casting import cast
+from mapcli.algorithms.simulation.scene import Scene
 from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
-from mapcli.model.scan import Mount, RangeScan
+from mapcli.model.scan import NANOSECONDS, Mount, RangeScan
+from mapcli.model.sweep import BeamOrder, BeamTiming
 
 RANGE_STEP = 2.0**-10
 """Ranges are measured in steps of about a millimetre; a power of two, because that compresses."""
 
 MOST_BEAMS = 1_000_000
 
-FaultKind = Literal["reverse-sign", "slip", "freeze"]
+FaultKind = Literal["reverse-sign", "slip", "freeze", "slip-left", "slip-right", "stale"]
 FAULT_KINDS: tuple[str, ...] = get_args(FaultKind)
+
+SPIN = 0.5
+"""A wheel that slips turns this much more than it rolls."""
+
+TRACK = 0.3
+"""Metres from wheel to wheel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +37,9 @@ class Fault:
 
     Attributes:
         kind: `reverse-sign`: the wheels count metres backwards; `slip`: the wheels turn on while
-            the robot stands; `freeze`: the wheels count nothing while the robot moves.
+            the robot stands; `freeze`: the wheels count nothing while the robot moves;
+            `slip-left`, `slip-right`: that wheel turns half as much again as it rolls; `stale`:
+            readings repeat the last one, then the first afterwards has all that was missed.
         begin, end: seconds since the start of the log.
 
     Raises:
@@ -65,6 +74,7 @@ class WheelModel:
             turned. Thrun's alphas 1 to 4 in their order.
         scale, turn_scale: factors on metres and radians; 1 is right.
         drift_deg: degrees turned per metre that the wheels do not measure.
+        delay: seconds by which readings lag behind their stamps.
         faults: when the odometry fails.
 
     Raises:
@@ -76,12 +86,15 @@ class WheelModel:
     scale: float = 1.0
     turn_scale: float = 1.0
     drift_deg: float = 0.0
+    delay: float = 0.0
     faults: tuple[Fault, ...] = ()
 
     def __post_init__(self) -> None:
         _check_positive(rate=self.rate, scale=self.scale, turn_scale=self.turn_scale)
         if not math.isfinite(self.drift_deg):
             raise DataError(f"drift_deg is {self.drift_deg:g}", expected="a finite number")
+        if not 0 <= self.delay < math.inf:
+            raise DataError(f"delay is {self.delay:g}", expected="seconds, 0 or more")
         if len(self.noise) != 4 or not all(0 <= sigma < math.inf for sigma in self.noise):
             raise DataError(f"noise {self.noise}", expected="four numbers, 0 or more")
         in_time = sorted(self.faults, key=lambda fault: fault.begin)
@@ -93,6 +106,28 @@ class WheelModel:
     def fault_at(self, time: float) -> FaultKind | None:
         """The fault at a time, in seconds since the start of the log."""
         return next((f.kind for f in self.faults if f.begin <= time < f.end), None)
+
+    def counted(self, moved: Pose2D, time: float) -> Pose2D:
+        """The relative pose by which the wheels turn when the robot moves by `moved`.
+
+        A robot that stands with both wheels slipping has no motion to tell it from.
+
+        Args:
+            time: in the midst of the motion, seconds since the start of the log.
+        """
+        match self.fault_at(time):
+            case "freeze":
+                return Pose2D()
+            case "reverse-sign":
+                return Pose2D(-moved.x, -moved.y, moved.theta)
+            case "slip-left":
+                spin = SPIN * (moved.x - moved.theta * TRACK / 2)
+                return Pose2D(moved.x + spin / 2, moved.y, moved.theta - spin / TRACK)
+            case "slip-right":
+                spin = SPIN * (moved.x + moved.theta * TRACK / 2)
+                return Pose2D(moved.x + spin / 2, moved.y, moved.theta + spin / TRACK)
+            case _:
+                return moved
 
     def measured(self, moved: Pose2D, rng: np.random.Generator) -> Pose2D:
         """The relative pose that the wheels measure when the robot really moves by `moved`."""
@@ -113,10 +148,14 @@ class LaserModel:
     """A range sensor.
 
     Attributes:
-        rate: scans per second. A scan is taken in an instant, without skew.
+        rate: scans per second.
+        turn_time: seconds of a full turn, in which the beams are taken one after another; 0 takes
+            all in an instant, without skew.
+        order: of the array, in which `backward` puts the beam taken first last.
         beams, fov_deg: number of beams, and degrees from the first to the last, centred ahead;
             360 spreads them over the full turn.
         range_min, range_max: metres; closer reads -inf, farther +inf (REP 117).
+        no_return: what reads instead of +inf, metres: one of these, drawn for each beam.
         noise: standard deviation of a range, metres.
         dropout: share of the beams that read NaN, in [0, 1).
         mount: where the laser sits on the robot.
@@ -133,6 +172,9 @@ class LaserModel:
     noise: float = 0.01
     dropout: float = 0.0
     mount: Mount = field(default_factory=Mount)
+    turn_time: float = 0.0
+    order: BeamOrder = "forward"
+    no_return: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         _check_positive(rate=self.rate, beams=self.beams, range_max=self.range_max)
@@ -146,6 +188,13 @@ class LaserModel:
             raise DataError(f"noise is {self.noise:g}", expected="metres, 0 or more")
         if not 0 <= self.dropout < 1:
             raise DataError(f"dropout is {self.dropout:g}", expected="a share in [0, 1)")
+        if not 0 <= self.turn_time <= 1 / self.rate:
+            raise DataError(
+                f"turn_time is {self.turn_time:g}",
+                expected=f"seconds, up to those from scan to scan, {1 / self.rate:g}",
+            )
+        if not all(0 <= code < math.inf for code in self.no_return):
+            raise DataError(f"no_return is {self.no_return}", expected="metres, 0 or more")
 
     @property
     def angle_min(self) -> float:
@@ -159,24 +208,38 @@ class LaserModel:
         gaps = self.beams if self.fov_deg == 360 else max(self.beams - 1, 1)
         return math.radians(self.fov_deg) / gaps
 
+    @property
+    def timing(self) -> BeamTiming:
+        """When the beams are taken; the stamp is that of the first."""
+        return BeamTiming(self.turn_time * self.angle_increment / math.tau, "first", self.order)
+
     def scan(
-        self, edges: NDArray[np.float64], robot: Pose2D, stamp_ns: int, rng: np.random.Generator
-    ) -> RangeScan:
-        """The scan from a robot at a pose.
+        self, scene: Scene, robot_at: Callable[[float], Pose2D], time: float, start_ns: int,
+        rng: np.random.Generator,
+    ) -> RangeScan:  # fmt: skip
+        """The scan whose first beam is taken at a time.
 
         Args:
-            edges: of the obstacles, as of `edges_of`.
+            robot_at: pose of the robot, by seconds since the start of the log.
+            time: seconds since then.
+            start_ns: stamp of the start of the log.
         """
-        fan = self.angle_min, self.angle_increment
-        laser = robot.compose(self.mount.pose)
-        ranges = cast(edges, laser, *fan, self.beams, self.range_max)
+        fan = self.angle_min, self.angle_increment, self.beams
+        times = time + (self.timing.after_stamp(self.beams) if self.turn_time else np.zeros(1))
+        lasers = [robot_at(float(moment)).compose(self.mount.pose) for moment in times]
+        ranges = scene.distances(lasers, times, fan, self.range_max)
         ranges += self.noise * rng.standard_normal(self.beams)
         ranges = np.round(ranges / RANGE_STEP) * RANGE_STEP
         ranges[ranges > self.range_max] = np.inf
         ranges[ranges < self.range_min] = -np.inf
         ranges[rng.random(self.beams) < self.dropout] = np.nan
-        limits = self.range_min, self.range_max
-        return RangeScan(stamp_ns, *fan, ranges.astype(np.float32), *limits, self.mount)
+        if self.no_return:
+            nothing = np.isposinf(ranges)
+            ranges[nothing] = rng.choice(self.no_return, np.count_nonzero(nothing))
+        return RangeScan(
+            start_ns + round(time * NANOSECONDS), *fan[:2], ranges.astype(np.float32),
+            self.range_min, self.range_max, self.mount, self.timing,
+        )  # fmt: skip
 
 
 def _check_positive(**values: float) -> None:

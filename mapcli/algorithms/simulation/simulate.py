@@ -14,16 +14,18 @@ from numpy.typing import NDArray
 from mapcli.algorithms.scans.ray_casting import clearance, edges_of, is_inside
 from mapcli.algorithms.simulation.drive import Drive, MotionLimits
 from mapcli.algorithms.simulation.drive_plan import plan_drive
+from mapcli.algorithms.simulation.people import walk_about
+from mapcli.algorithms.simulation.scene import Scene, glazed
 from mapcli.algorithms.simulation.sensors import Fault, LaserModel, WheelModel
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D, wrap_angle
-from mapcli.model.scan import Odometry, RangeScan, Record, TruePose
+from mapcli.model.scan import NANOSECONDS, Odometry, RangeScan, Record, TruePose
 from mapcli.model.waypoint import Waypoint
 from mapcli.model.world import World
 
 START_NS = 1_600_000_000 * 10**9
-"""Stamp of the first record, the same in every log: the clock is no input."""
+"""Stamp of the first record unless another is asked for: the clock is no input."""
 
 ROBOT_RADIUS = 0.15
 """Metres: a robot as wide as a vacuum cleaner."""
@@ -41,11 +43,16 @@ class Simulation:
         world: polygons, or a grid map whose cells of at least 0.5 are solid.
         drive: where the robot goes, from `plan_drive`.
         odometry, laser: the sensors.
-        seed: of the noise; any whole number from 0 is a seed. Wheels and laser draw from
-            generators of their own, so that changing the one leaves the noise of the other.
+        seed: of the noise; any whole number from 0 is a seed. Wheels, lasers, people and glass
+            draw from generators of their own, so that changing one leaves the noise of the others.
+        rear: a second laser, which scans half a period after the first; None for none.
+        people: how many walk about, from somewhere on the robot's way.
+        glass: share of what is solid that is of glass, see `glazed`.
+        start_ns: stamp of the first record.
 
     Raises:
-        DataError: a fault of the odometry that begins after the end of the drive.
+        DataError: a fault of the odometry that begins after the end of the drive, a rear laser
+            where the first one is, less than no people, a share outside [0, 1].
     """
 
     world: World | GridMap
@@ -53,8 +60,18 @@ class Simulation:
     odometry: WheelModel = field(default_factory=WheelModel)
     laser: LaserModel = field(default_factory=LaserModel)
     seed: int = 0
+    rear: LaserModel | None = None
+    people: int = 0
+    glass: float = 0.0
+    start_ns: int = START_NS
 
     def __post_init__(self) -> None:
+        if self.people < 0:
+            raise DataError(f"people is {self.people}", expected="0 or more")
+        if not 0 <= self.glass <= 1:
+            raise DataError(f"glass is {self.glass:g}", expected="a share in [0, 1]")
+        if self.rear and self.rear.mount == self.laser.mount:
+            raise DataError("both lasers sit at the same place", expected="two places")
         for fault in self.odometry.faults:
             if fault.begin >= self.duration:
                 raise DataError(
@@ -63,8 +80,18 @@ class Simulation:
                 )
 
     @cached_property
-    def edges(self) -> NDArray[np.float64]:
-        return edges_of(self.world)
+    def scene(self) -> Scene:
+        """What the lasers see."""
+        people, glass = self._generator(3), self._generator(4)
+        edges, end = edges_of(self.world), self.duration
+        starts = [self.true_pose(time) for time in people.uniform(0, end, self.people)]
+        walks = (walk_about(edges, (start.x, start.y), end, people) for start in starts)
+        return Scene(*glazed(self.world, self.glass, glass), tuple(walks))
+
+    def _generator(self, number: int) -> np.random.Generator:
+        """Of wheels, laser, rear laser, people, glass: each draws from its own."""
+        seed = np.random.SeedSequence(self.seed).spawn(number + 1)[number]
+        return np.random.Generator(np.random.PCG64(seed))
 
     @property
     def duration(self) -> float:
@@ -82,9 +109,12 @@ class Simulation:
 
     def records(self) -> Iterator[Record]:
         """The log, lazily, in the order of the stamps: true pose, odometry, scan at each."""
-        seeds = np.random.SeedSequence(self.seed).spawn(2)
-        wheels, laser = (np.random.Generator(np.random.PCG64(seed)) for seed in seeds)
-        streams = self._true_poses(), self._odometry(wheels), self._scans(laser)
+        streams: list[Iterator[Record]] = [
+            self._true_poses(), self._odometry(self._generator(0)),
+            self._scans(self.laser, self._scan_times(), self._generator(1)),
+        ]  # fmt: skip
+        if self.rear:
+            streams.append(self._scans(self.rear, self._rear_times(), self._generator(2)))
         return heapq.merge(*streams, key=lambda record: record.stamp_ns)
 
     def true_pose(self, time: float) -> Pose2D:
@@ -93,20 +123,34 @@ class Simulation:
 
     def _true_poses(self) -> Iterator[TruePose]:
         for time in self._odometry_times():
-            yield TruePose(_stamp(time), _rounded(self.true_pose(time)))
+            yield TruePose(self._stamp(time), _rounded(self.true_pose(time)))
 
     def _odometry(self, rng: np.random.Generator) -> Iterator[Odometry]:
         """Odometry starts at zero wherever the robot stands, as it does on a real robot."""
-        pose = Pose2D()
+        pose = reading = Pose2D()
         for time in self._odometry_times():
             if time > 0:
-                pose = pose.compose(self.odometry.measured(self._wheel_motion(time), rng))
-            yield Odometry(_stamp(time), _rounded(pose))
+                motion = self._wheel_motion(time - self.odometry.delay)
+                pose = pose.compose(self.odometry.measured(motion, rng))
+            if self.odometry.fault_at(time) != "stale":
+                reading = pose
+            yield Odometry(self._stamp(time), _rounded(reading))
 
-    def _scans(self, rng: np.random.Generator) -> Iterator[RangeScan]:
-        for i in range(self.scan_count):
-            time = i / self.laser.rate
-            yield self.laser.scan(self.edges, self.true_pose(time), _stamp(time), rng)
+    def _scans(
+        self, laser: LaserModel, times: Iterator[float], rng: np.random.Generator
+    ) -> Iterator[RangeScan]:
+        for time in times:
+            yield laser.scan(self.scene, self.true_pose, time, self.start_ns, rng)
+
+    def _scan_times(self) -> Iterator[float]:
+        return (i / self.laser.rate for i in range(math.floor(self.duration * self.laser.rate) + 1))
+
+    def _rear_times(self) -> Iterator[float]:
+        rate = self.rear.rate if self.rear else 0.0
+        return ((i + 0.5) / rate for i in range(math.floor(self.duration * rate + 0.5)))
+
+    def _stamp(self, time: float) -> int:
+        return self.start_ns + round(time * NANOSECONDS)
 
     @property
     def reading_count(self) -> int:
@@ -115,8 +159,8 @@ class Simulation:
 
     @property
     def scan_count(self) -> int:
-        """Scans, none past the end."""
-        return math.floor(self.duration * self.laser.rate) + 1
+        """Scans of all lasers, none that begins past the end."""
+        return sum(1 for _ in self._scan_times()) + sum(1 for _ in self._rear_times())
 
     def _odometry_times(self) -> Iterator[float]:
         return (i / self.odometry.rate for i in range(self.reading_count))
@@ -124,14 +168,12 @@ class Simulation:
     def _wheel_motion(self, time: float) -> Pose2D:
         """The relative pose since the reading before `time` by which the wheels turned."""
         step = 1 / self.odometry.rate
-        fault = self.odometry.fault_at(time - step / 2)
-        if fault == "slip":  # they turn on as they did when they lost their grip
+        middle = time - step / 2
+        if self.odometry.fault_at(middle) == "slip":  # they turn on as when they lost their grip
             driven = self._driven(time)
             return self.drive.pose_at(driven - step).between(self.drive.pose_at(driven))
         moved = self.true_pose(time - step).between(self.true_pose(time))
-        if fault == "freeze":
-            return Pose2D()
-        return Pose2D(-moved.x, -moved.y, moved.theta) if fault == "reverse-sign" else moved
+        return self.odometry.counted(moved, middle)
 
     def _driven(self, time: float) -> float:
         """The part of the time that the robot did not stand with slipping wheels."""
@@ -214,10 +256,6 @@ def _in_blocks(drive: Drive, metres: float) -> Iterator[NDArray[np.float64]]:
     step = metres / max(profile.peak for profile in drive.profiles)
     for first in range(0, math.ceil(drive.duration / step) + 1, BLOCK):
         yield np.minimum(np.arange(first, first + BLOCK) * step, drive.duration)
-
-
-def _stamp(time: float) -> int:
-    return START_NS + round(time * 1e9)
 
 
 def _rounded(pose: Pose2D) -> Pose2D:

@@ -12,7 +12,7 @@ from mapcli.model.log import Role, Topic
 
 class LogNames(NamedTuple):
     """Topics that records go to, and names of frames. A second mount in the same log gets
-    `<laser_frame>_2`, and so on."""
+    `<laser_frame>_2`, and so on; with `topic_per_mount` its scans go to `<scan_topic>_2`."""
 
     scan_topic: str = "/scan"
     odom_topic: str = "/odom"
@@ -21,6 +21,7 @@ class LogNames(NamedTuple):
     odom_frame: str = "odom"
     base_frame: str = "base_link"
     laser_frame: str = "laser"
+    topic_per_mount: bool = False
 
 
 def choose_scan_topic(

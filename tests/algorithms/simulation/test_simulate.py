@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,9 @@ from mcap.reader import make_reader
 
 from mapcli import GridMap, LaserModel, Pose2D, Simulation, WheelModel, World, plan_drive
 from mapcli import simulate as simulated
+from mapcli.algorithms.scans.ray_casting import edges_of
 from mapcli.algorithms.simulation.drive import Drive
+from mapcli.algorithms.simulation.scene import Scene
 from mapcli.algorithms.simulation.sensors import Fault
 from mapcli.algorithms.simulation.simulate import POSE_STEP, START_NS, check_clearance
 from mapcli.errors import DataError
@@ -144,6 +147,37 @@ def test_slipping_wheels() -> None:
     assert truth[-1] == pytest.approx(2.0, abs=1e-5)
 
 
+def test_stale_odometry_catches_up_at_once() -> None:
+    _, odometry, truth = wheels_and_truth(Fault("stale", 2, 3))
+    assert set(odometry[40:60]) == {odometry[39]}
+    assert odometry[39] == pytest.approx(truth[39], abs=1e-5)
+    assert odometry[60:] == pytest.approx(truth[60:], abs=1e-5)
+
+
+def test_late_odometry_tells_where_the_robot_was() -> None:
+    straight = plan_drive([Waypoint(1, 2), Waypoint(3, 2)])
+    wheels = replace(EXACT_WHEELS, delay=0.5)
+    simulation = Simulation(ROOM, straight, wheels, EXACT_LASER)
+    odometry, truth = (flat(poses_of(simulation, kind))[:, 0] for kind in (Odometry, TruePose))
+    assert odometry[:10].tolist() == [0] * 10
+    assert odometry[10:] == pytest.approx(truth[:-10] - 1, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "moved", "counted"),
+    [  # 0.3 m from wheel to wheel, the slipping one counts half as much again
+        ("slip-left", Pose2D(0.6), (0.75, 0, -1.0)),
+        ("slip-right", Pose2D(0.6), (0.75, 0, 1.0)),
+        ("slip-left", Pose2D(theta=0.4), (-0.015, 0, 0.5)),
+        ("slip-right", Pose2D(theta=0.4), (0.015, 0, 0.5)),
+    ],
+)
+def test_one_wheel_slips(kind: Any, moved: Pose2D, counted: tuple[float, ...]) -> None:
+    wheels = WheelModel(faults=(Fault(kind, 2, 3),))
+    assert flat([wheels.counted(moved, 2.5)])[0] == pytest.approx(counted)
+    assert wheels.counted(moved, 3.5) == moved
+
+
 def test_a_fault_after_the_end_is_refused(drive: Drive) -> None:
     wheels = WheelModel(faults=(Fault("slip", 99, 100),))
     with pytest.raises(DataError, match="slip begins at 99 s; expected a time before the end"):
@@ -152,31 +186,93 @@ def test_a_fault_after_the_end_is_refused(drive: Drive) -> None:
 
 def test_ranges_by_hand() -> None:
     model = LaserModel(beams=4, noise=0, range_min=1.5, range_max=3.5)
-    scan = model.scan(simulation_edges(), Pose2D(1, 3), 7, np.random.default_rng(0))
+    scan = scan_from(model, Pose2D(1, 3))
     # Behind 1 m (too close), to the right 3 m, ahead 4 m (too far), to the left 1 m.
     assert scan.ranges.tolist() == [-math.inf, 3.0, math.inf, -math.inf]
-    assert scan.stamp_ns == 7
+    assert scan.stamp_ns == START_NS + 2_500_000_000
     assert np.degrees(scan.bearings()) == pytest.approx([-180, -90, 0, 90])
     assert (scan.range_min, scan.range_max) == (1.5, 3.5)
 
 
-def simulation_edges() -> np.ndarray:
-    return Simulation(ROOM, plan_drive([Waypoint(1, 1), Waypoint(2, 1)])).edges
+def scan_from(model: LaserModel, robot: Pose2D) -> RangeScan:
+    """The scan of a robot that stands in ROOM, 2.5 s after the start."""
+    rng = np.random.default_rng(0)
+    return model.scan(Scene(edges_of(ROOM)), lambda _: robot, 2.5, START_NS, rng)
+
+
+@pytest.mark.parametrize(
+    ("order", "ranges"),
+    [("forward", [1.0, 3.0, 3.75, 1.0]), ("backward", [1.375, 3.0, 3.875, 1.0])],
+)
+def test_beams_are_taken_one_after_another(order: Any, ranges: list[float]) -> None:
+    """A robot at (1, 3) drives ahead with 1 m/s; its beams, to behind, right, ahead and left, are
+    taken in the order of the array 0, 1/8, 2/8, 3/8 s after the first, or in the other one."""
+    model = LaserModel(rate=2, beams=4, noise=0, turn_time=0.5, order=order)
+    drives = lambda time: Pose2D(1 + time - 2.5, 3)  # noqa: E731
+    rng = np.random.default_rng(0)
+    scan = model.scan(Scene(edges_of(ROOM)), drives, 2.5, START_NS, rng)
+    assert scan.ranges.tolist() == ranges
+    assert scan.timing.increment == 0.125
+    assert scan.stamp_ns == START_NS + 2_500_000_000
+
+
+def test_what_reads_where_nothing_returns() -> None:
+    model = LaserModel(beams=400, noise=0, range_max=1.2, no_return=(51.5, 51.25))
+    scan = scan_from(model, Pose2D(1, 3))
+    exact = scan_from(replace(model, no_return=()), Pose2D(1, 3))
+    nothing = np.isposinf(exact.ranges)
+    assert np.array_equal(scan.ranges[~nothing], exact.ranges[~nothing])
+    readings, counts = np.unique(scan.ranges[nothing], return_counts=True)
+    assert readings.tolist() == [51.25, 51.5]
+    assert counts / counts.sum() == pytest.approx([0.5, 0.5], abs=0.1)
+    assert scan.range_max == 1.2
+
+
+def test_a_rear_laser_scans_between_the_scans_of_the_first(drive: Drive) -> None:
+    mount = Mount(Pose2D(-0.2, 0, math.pi))
+    simulation = Simulation(ROOM, drive, laser=EXACT_LASER, rear=replace(EXACT_LASER, mount=mount))
+    records = list(simulation.records())
+    assert len(records) == simulation.record_count
+    front, rear = (
+        [r for r in records if isinstance(r, RangeScan) and (r.mount == mount) is behind]
+        for behind in (False, True)
+    )
+    assert [scan.stamp_ns - START_NS for scan in rear[:2]] == [250_000_000, 750_000_000]
+    assert len(front) + len(rear) == simulation.scan_count
+    # At the start, (1, 1) facing right: the wall behind is 1 m from the first and 0.8 from this.
+    assert front[0].ranges[0] == pytest.approx(1.0, abs=0.001)
+    assert rear[0].ranges[4] == pytest.approx(0.8 + 0.5 * 0.25**2 / 2, abs=0.001)
+    with pytest.raises(DataError, match="both lasers sit at the same place"):
+        replace(simulation, rear=EXACT_LASER)
+
+
+def test_the_log_begins_when_it_should(drive: Drive) -> None:
+    simulation = Simulation(ROOM, drive, laser=EXACT_LASER, start_ns=12 * 10**9)
+    stamps = [record.stamp_ns for record in simulation.records()]
+    assert stamps[0] == 12 * 10**9
+    late = Simulation(ROOM, drive, laser=EXACT_LASER)
+    assert [r.stamp_ns - START_NS for r in late.records()] == [s - stamps[0] for s in stamps]
+
+
+def test_people_and_glass_leave_the_wheels_as_they_are(drive: Drive) -> None:
+    alone = Simulation(ROOM, drive, laser=EXACT_LASER)
+    busy = replace(alone, people=3, glass=0.5)
+    assert poses_of(alone, Odometry) == poses_of(busy, Odometry)
+    with pytest.raises(DataError, match="people is -1"):
+        replace(alone, people=-1)
+    with pytest.raises(DataError, match=r"glass is 1\.5; expected a share"):
+        replace(alone, glass=1.5)
 
 
 def test_half_a_turn_has_beams_at_both_ends() -> None:
-    scan = LaserModel(beams=181, fov_deg=180).scan(
-        simulation_edges(), Pose2D(1, 1), 0, np.random.default_rng(0)
-    )
+    scan = scan_from(LaserModel(beams=181, fov_deg=180), Pose2D(1, 1))
     assert np.degrees(scan.bearings()[[0, 90, 180]]) == pytest.approx([-90, 0, 90])
 
 
 def test_points_lie_on_the_walls_wherever_the_laser_sits() -> None:
     mount = Mount(Pose2D(0.2, -0.1, 0.5))
     robot = Pose2D(2, 2, 1.0)
-    scan = LaserModel(noise=0, mount=mount).scan(
-        simulation_edges(), robot, 0, np.random.default_rng(0)
-    )
+    scan = scan_from(LaserModel(noise=0, mount=mount), robot)
     x, y = robot.apply(scan.points()).T
     gap = np.min([np.abs(x), np.abs(x - 5), np.abs(y), np.abs(y - 4)], axis=0)
     assert gap.max() < 0.001
@@ -185,10 +281,8 @@ def test_points_lie_on_the_walls_wherever_the_laser_sits() -> None:
 
 def test_range_noise_and_dropout() -> None:
     model = LaserModel(beams=2000, noise=0.05, dropout=0.25)
-    noisy = model.scan(simulation_edges(), Pose2D(2, 2), 0, np.random.default_rng(0))
-    exact = replace(model, noise=0, dropout=0).scan(
-        simulation_edges(), Pose2D(2, 2), 0, np.random.default_rng(0)
-    )
+    noisy = scan_from(model, Pose2D(2, 2))
+    exact = scan_from(replace(model, noise=0, dropout=0), Pose2D(2, 2))
     errors = noisy.ranges - exact.ranges
     assert np.isnan(errors).mean() == pytest.approx(0.25, abs=0.03)
     assert np.nanstd(errors) == pytest.approx(0.05, rel=0.1)
@@ -197,6 +291,9 @@ def test_range_noise_and_dropout() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
+        (lambda: LaserModel(turn_time=0.2), "turn_time is 0.2; expected seconds, up to"),
+        (lambda: LaserModel(no_return=(math.nan,)), "no_return is (nan,)"),
+        (lambda: WheelModel(delay=-1), "delay is -1; expected seconds, 0 or more"),
         (lambda: LaserModel(rate=0), "rate is 0; expected more than 0"),
         (lambda: LaserModel(beams=0), "beams is 0"),
         (lambda: LaserModel(beams=10**18), "beams is 1000000000000000000; expected at most"),

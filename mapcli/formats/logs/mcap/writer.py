@@ -78,7 +78,7 @@ class McapLogWriter:
 
     def __init__(self, stream: BinaryIO, names: LogNames | None = None) -> None:
         self.names = names or LogNames()
-        self._frames: dict[Mount, str] = {}
+        self._suffixes: dict[Mount, str] = {}
         self._channels: dict[tuple[str, str], int] = {}
         self._schemas: dict[str, int] = {}
         self._sequence: dict[int, int] = {}
@@ -142,12 +142,13 @@ class McapLogWriter:
         return self._channels[key]
 
     def _write_scan(self, scan: RangeScan) -> None:
-        if scan.mount not in self._frames:
+        if scan.mount not in self._suffixes:
             self._write_mount(scan.mount, scan.stamp_ns)
+        suffix = self._suffixes[scan.mount]
         span = scan.angle_increment * max(len(scan.ranges) - 1, 0)
         laser_scan = ros.build(
             ros.LASER_SCAN,
-            ros.header(scan.stamp_ns, self._frames[scan.mount]),
+            ros.header(scan.stamp_ns, f"{self.names.laser_frame}{suffix}"),
             scan.angle_min,
             scan.angle_min + span,
             scan.angle_increment,
@@ -158,11 +159,12 @@ class McapLogWriter:
             np.ascontiguousarray(scan.ranges, dtype=np.float32),
             np.empty(0, dtype=np.float32),
         )
-        self.message(self.names.scan_topic, ros.LASER_SCAN, laser_scan, scan.stamp_ns)
+        topic = f"{self.names.scan_topic}{suffix if self.names.topic_per_mount else ''}"
+        self.message(topic, ros.LASER_SCAN, laser_scan, scan.stamp_ns)
 
     def _write_mount(self, mount: Mount, stamp_ns: int) -> None:
-        suffix = f"_{len(self._frames) + 1}" if self._frames else ""
-        frame = self._frames[mount] = f"{self.names.laser_frame}{suffix}"
+        suffix = self._suffixes[mount] = f"_{len(self._suffixes) + 1}" if self._suffixes else ""
+        frame = f"{self.names.laser_frame}{suffix}"
         transform = ros.transform_stamped(
             stamp_ns, self.names.base_frame, frame, mount.pose, flipped=mount.flipped
         )
