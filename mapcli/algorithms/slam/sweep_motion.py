@@ -25,8 +25,9 @@ WEIGHT = 0.1
 FEWEST = 3
 """Steps that odometry and inertia were compared over before inertia counts."""
 
-SAME_M = 0.005
-"""Metres; a scan whose points move less when it is deskewed anew is not matched again."""
+SAME_M = 0.02
+"""Metres; a scan whose farthest point moves less when it is deskewed anew is not matched again: it
+is the last of many that moved, and half a cell is what a single point is worth."""
 
 
 class SweepMotionFilter:
