@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from mapcli.algorithms.similarity.measures import Similarity
 from mapcli.model.pose import Pose2D
@@ -47,6 +47,18 @@ class MatchParameters:
     refine: bool = True
 
 
+class Alternative(NamedTuple):
+    """Where a robot may be whose odometry has failed.
+
+    Attributes:
+        pose: in the map, as far as odometry has moved it by now.
+        evidence: how much better the scans fit there, nats.
+    """
+
+    pose: Pose2D
+    evidence: float
+
+
 @dataclass(frozen=True, slots=True)
 class Match:
     """The best test position.
@@ -59,7 +71,8 @@ class Match:
         information: on the pose from the map alone, in the robot's frame; None where it was not
             asked.
         free_space_conflicts: points of the scan where the map knows free space.
-        relocalisation_candidate: another pose, far from the odometry's, has a clearly better score.
+        alternative: another pose, far from the odometry's, that fits better, but not so much better
+            that odometry must have failed.
     """
 
     pose: Pose2D
@@ -68,7 +81,7 @@ class Match:
     found: bool
     information: InformationMatrix | None = None
     free_space_conflicts: int = 0
-    relocalisation_candidate: bool = False
+    alternative: Alternative | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +90,17 @@ class MatchHistory:
 
     Attributes:
         running_score: exponential moving average of their scores.
-        relocalisation_candidate: the last one had a clearly better pose far from the odometry's.
+        alternative: where the robot may be instead.
     """
 
     running_score: float = 1.0
-    relocalisation_candidate: bool = False
+    alternative: Alternative | None = None
+
+    def moved(self, motion: Pose2D | None) -> MatchHistory:
+        """The same after the robot has moved; unknown motion ends the alternative."""
+        if self.alternative is None:
+            return self
+        if motion is None:
+            return MatchHistory(self.running_score)
+        pose, evidence = self.alternative
+        return MatchHistory(self.running_score, Alternative(pose.compose(motion), evidence))

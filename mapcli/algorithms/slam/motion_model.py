@@ -4,7 +4,7 @@ the odometry noise model: standard deviations per metre and per radian."""
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mapcli.algorithms.slam.odometry_calibration import OdometryCalibration
 from mapcli.algorithms.slam.stale_odometry import StaleOdometry
@@ -20,6 +20,21 @@ tails, and without, where twice the deviation is as far as a robot can be follow
 
 AGREES_SIGMAS = 3.0
 """Standard deviations of odometry within which a counted motion is the one that was found."""
+
+
+MODEL_NOISE = StandardDeviations(1.0, 1.0)
+"""As shares of the model's deviations: odometry errs as the model says."""
+
+FAILURE_COST = 20.0
+"""Nats: what it costs at most to believe that odometry erred. Wheels fail at one scan of a thousand
+(6.9), and of the poses within some metres a scan tells some hundred thousand apart (12 to 13), one
+of which always fits by chance."""
+
+PRIOR_STEPS = 10
+"""Steps that the prior, that odometry errs as the model says, is worth."""
+
+MOST_SIGMAS = 2.0
+"""Standard deviations of the model that an error counts at most: failures are no noise."""
 
 
 @dataclass(frozen=True)
@@ -66,11 +81,16 @@ class OdometryUncertainty:
         deviations: standard deviations of the predicted pose.
         metres: driven since the pose before.
         window_sigmas: half-width of the search window, in standard deviations.
+        usual: standard deviations of what odometry usually errs by in this log, as shares of
+            `deviations`, which have to do for all robots.
+        is_suspect: no robot moves as odometry counted.
     """
 
     deviations: StandardDeviations
     metres: float
     window_sigmas: float = WINDOW_SIGMAS
+    usual: StandardDeviations = MODEL_NOISE
+    is_suspect: bool = False
 
     def separates(self, predicted: Pose2D, pose: Pose2D, sigmas: float) -> bool:
         """Whether two poses differ by more than so many standard deviations, in position or in
@@ -78,6 +98,34 @@ class OdometryUncertainty:
         turn = abs(predicted.between(pose).theta)
         far = predicted.distance(pose) > sigmas * self.deviations.xy
         return far or turn > sigmas * self.deviations.theta
+
+    def cost(self, predicted: Pose2D, pose: Pose2D) -> float:
+        """How unlikely it is that odometry errs so much: its negative log-likelihood, nats, up to
+        that of a failure."""
+        xy = predicted.distance(pose) / (self.deviations.xy * self.usual.xy)
+        theta = predicted.between(pose).theta / (self.deviations.theta * self.usual.theta)
+        return min((xy**2 + theta**2) / 2, FAILURE_COST)
+
+
+class OdometryNoise:
+    """How far off odometry is in this log, as shares of the model's deviations (stateful: a running
+    mean of squared errors)."""
+
+    def __init__(self) -> None:
+        self._steps, self._xy, self._theta = PRIOR_STEPS, 1.0, 1.0
+
+    @property
+    def shares(self) -> StandardDeviations:
+        return StandardDeviations(math.sqrt(self._xy), math.sqrt(self._theta))
+
+    def update(self, counted: Pose2D, found: Pose2D, deviations: StandardDeviations) -> None:
+        """Compare a counted motion, calibrated, with the one found in the map."""
+        error = counted.between(found)
+        xy = min(math.hypot(error.x, error.y) / deviations.xy, MOST_SIGMAS)
+        theta = min(abs(error.theta) / deviations.theta, MOST_SIGMAS)
+        self._steps += 1
+        self._xy += (xy**2 / 2 - self._xy) / self._steps  # two axes, so half for each
+        self._theta += (theta**2 - self._theta) / self._steps
 
 
 class DeadReckoning:
@@ -94,7 +142,7 @@ class DeadReckoning:
     def __init__(self, model: MotionModel | None = None, *, calibrate: bool = True) -> None:
         self.model = model or MotionModel()
         self.calibration = OdometryCalibration() if calibrate else None
-        self.jumps = self.catch_ups = 0
+        self.noise, self.jumps, self.catch_ups = OdometryNoise(), 0, 0
         self._last: tuple[int, Pose2D | None] | None = None
         # The last motion as counted, and calibrated; None if it came late, or not at all.
         self._increment: Pose2D | None = None
@@ -128,7 +176,11 @@ class DeadReckoning:
 
     def uncertainty(self, motion: Pose2D | None) -> OdometryUncertainty:
         """How far off a predicted pose may be after a motion; after what was late, all of it."""
-        return self.model.uncertainty(motion if self._late is None else self._late)
+        if motion is None:
+            return self.model.uncertainty(None)
+        uncertainty = self.model.uncertainty(motion if self._late is None else self._late)
+        suspect = self._step is not None and self._stale.is_impossible(self._step, self._step_s)
+        return replace(uncertainty, usual=self.noise.shares, is_suspect=suspect)
 
     def compare(self, found: Pose2D) -> None:
         """Hold the last motion against that between the matched poses, see `StaleOdometry`."""
@@ -142,3 +194,5 @@ class DeadReckoning:
         if self.calibration and self._increment is not None and information is not None:
             deviations = self.model.uncertainty(self._increment).deviations
             self.calibration.update(self._increment, found, information, deviations)
+        if self._step is not None:
+            self.noise.update(self._step, found, self.model.uncertainty(self._step).deviations)

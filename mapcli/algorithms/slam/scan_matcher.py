@@ -30,7 +30,13 @@ from mapcli.algorithms.slam.correlative_search import (
     best_in_window,
     prediction_prior,
 )
-from mapcli.algorithms.slam.match import MIN_OVERLAP, Match, MatchHistory, MatchParameters
+from mapcli.algorithms.slam.match import (
+    MIN_OVERLAP,
+    Alternative,
+    Match,
+    MatchHistory,
+    MatchParameters,
+)
 from mapcli.algorithms.slam.motion_model import OdometryUncertainty
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.pose_refinement import (
@@ -52,31 +58,32 @@ TRUSTED_SIGMAS = 2.0
 without a search, if the scan fits there as well as scans before."""
 
 SCORE_MARGIN = 0.03
-"""Scores that differ by less are as good: a match is as good as those before that far below the
-running score, and the pose next to the predicted one is taken that far below the best."""
+"""A match is as good as those before if its score is less than this below the running score."""
 
 FEW_POINTS = 40
 """A scan of fewer points says less than it seems to: the prior weighs as if it had that many."""
 
 RELOCALISE_BELOW, LOST_BELOW = 0.9, 0.6
 """Shares of the running score: below the first, odometry is suspected to have failed and the
-relocalisation window is searched; below the second the map has nothing like the scan, whose match
-then counts as not found."""
+relocalisation window is searched; below the second the map contradicts the pose."""
+
+DECISIVE = 5.0
+"""Nats by which a match is likelier than odometry's pose, at least, where the map contradicts both:
+odds of 150 to one."""
 
 RELOCALISATION_XY, RELOCALISATION_XY_PER_M = 0.5, 2.2
 """Half-width of the relocalisation window: metres, and metres for each metre driven since the scan
 before; wheels that count backwards err by twice what they count."""
 
+SAME_SIGMAS = 2.0
+"""Standard deviations of odometry within which an alternative is found again."""
+
 RELOCALISATION_TURN = math.radians(45)
 """The same for the heading, radians."""
 
-RELOCALISATION_GAIN, RELOCALISATION_GAIN_AT_ONCE = 0.1, 0.2
-"""A relocalised pose is taken when its score is better by the second, or by the first for the
-second scan in a row: a single scan may fit a wrong place by chance."""
-
-RELOCALISATION_LEAP = 1.0
-"""Metres from the predicted pose that a candidate which only has the smaller gain, for the second
-scan in a row, may lie at most."""
+POINT_EVIDENCE = 0.9
+"""Nats that a point which fits says against a pose where it does not: ln 20, since one point in
+twenty fits nowhere, times the share of the points that are evidence of their own."""
 
 
 def match_scan(
@@ -99,7 +106,8 @@ def match_scan(
     scan = ScanInMap(grid, perception, parameters)
     if parameters.search == "none" or not scan.has_enough_points:
         return Match(predicted, 0.0, 0, found=False)
-    return _WindowMatcher(scan, predicted, uncertainty, parameters).match(history or MatchHistory())
+    history = history or MatchHistory()
+    return _WindowMatcher(scan, predicted, uncertainty, parameters, history).match()
 
 
 class _WindowMatcher:
@@ -112,34 +120,35 @@ class _WindowMatcher:
         predicted: Pose2D,
         uncertainty: OdometryUncertainty,
         parameters: MatchParameters,
+        history: MatchHistory,
     ) -> None:
-        self.scan, self.parameters = scan, parameters
+        self.scan, self.parameters, self.history = scan, parameters, history
         self.predicted, self.uncertainty = predicted, uncertainty
         # The best pose of the windows searched so far, and the match refined from it.
         self._searched: tuple[BestPose, Match] | None = None
 
-    def match(self, history: MatchHistory) -> Match:
+    def match(self) -> Match:
         """The best pose of the window.
 
         1. Refine the odometry's pose: where the scan then fits as well as those before, done.
         2. Search a part of the window, then all of it, and refine the best pose.
-        3. Relocalise where the scan fits nowhere in the window: odometry seems to have failed.
-        4. Otherwise ties go to the pose of step 1: along a wall the score is biased to where the
-           scan overlaps the map most, which is where it was taken before.
+        3. Odometry's pose is left for it only if the evidence outweighs odometry's: the score is
+           biased to where the scan overlaps the map most, which is where it was taken before.
+        4. Relocalise where the scan does not fit as before: odometry seems to have failed.
         """
         p, window = self.parameters, self._window()
         self.scan.cover(self.predicted, window)
         near = best = self._refine(self.predicted)  # 1
-        if p.refine and self._is_trusted(near, history):
+        if p.refine and self._is_trusted(near):
             return near
         for share in WINDOW_SHARES:  # 2
             best = self._search(SearchWindow(share * window.xy, share * window.theta))
-            if self._is_as_good(best, history):
+            if self._is_as_good(best):
                 break
-        if p.relocalise and best.score < RELOCALISE_BELOW * history.running_score:  # 3
-            best = self._relocalise(best, history)
-        elif p.refine and self._is_far(best.pose) and near.score >= best.score - SCORE_MARGIN:  # 4
+        if p.refine and self._is_far(best.pose) and self._odds(best, near) <= 0:  # 3
             best = near
+        if p.relocalise and best.score < RELOCALISE_BELOW * self.history.running_score:  # 4
+            best = self._relocalise(best)
         return best if best.found else replace(best, pose=self.predicted)
 
     def _window(self) -> SearchWindow:
@@ -176,26 +185,53 @@ class _WindowMatcher:
     def _refine(self, near: Pose2D) -> Match:
         return self.scan.refine(near, self.predicted, self.uncertainty)
 
-    def _relocalise(self, best: Match, history: MatchHistory) -> Match:
-        """Search a far wider window; `best` stays where nothing there is clearly better, since the
-        map may just not cover the area yet."""
-        low, metres = RELOCALISE_BELOW * history.running_score, self.uncertainty.metres
-        xy = RELOCALISATION_XY + RELOCALISATION_XY_PER_M * metres
+    def _relocalise(self, best: Match) -> Match:
+        """Search a far wider window. What is found there is taken if the map contradicts `best`, if
+        no robot moves as odometry counts, or if the scan before, moved on by odometry, was found
+        there too; and only if the evidence outweighs that odometry seldom fails."""
+        xy = RELOCALISATION_XY + RELOCALISATION_XY_PER_M * self.uncertainty.metres
         xy = max(self._window().xy, min(xy, WIDEST_XY))
         wide = SearchWindow(xy, RELOCALISATION_TURN)
         self.scan.cover(self.predicted, wide)
-        other = self._search(wide)
-        fits = self._overlaps(other) and other.score >= low
-        gain = other.score - best.score if fits else 0.0
-        candidate = gain >= RELOCALISATION_GAIN
-        again = history.relocalisation_candidate
-        again = again and self.predicted.distance(other.pose) <= RELOCALISATION_LEAP
-        if candidate and (again or gain >= RELOCALISATION_GAIN_AT_ONCE):
-            return replace(other, relocalisation_candidate=True)
-        found = best.found and best.score >= LOST_BELOW * history.running_score
-        return replace(best, found=found, relocalisation_candidate=candidate)
+        other, before = self._search(wide), self.history.alternative
+        evidence, again = self._evidence(other, best), 0.0
+        if not self._overlaps(other) or evidence <= 0:
+            return self._unless_lost(best)
+        if before and not self.uncertainty.separates(before.pose, other.pose, SAME_SIGMAS):
+            again = before.evidence
+        is_suspect = again > 0 or self.uncertainty.is_suspect or self._is_lost(best)
+        if is_suspect and self._odds(other, best) + again >= 0:
+            return other
+        alternative = Alternative(other.pose, evidence + again)
+        return replace(self._unless_lost(best), alternative=alternative)
 
-    def _is_trusted(self, match: Match, history: MatchHistory) -> bool:
+    def _unless_lost(self, match: Match) -> Match:
+        """A match; not found if the map contradicts it, unless the pose as predicted is far less
+        likely."""
+        found = match.found
+        if self._is_lost(match):
+            found = found and self._odds(match, self.scan.compare(self.predicted)) > DECISIVE
+        return replace(match, found=found)
+
+    def _odds(self, match: Match, other: Match) -> float:
+        """How much likelier a match is than another by scan and odometry together, nats."""
+        return self._evidence(match, other) - self._cost(match) + self._cost(other)
+
+    def _evidence(self, match: Match, other: Match) -> float:
+        """What the scan says for a match and against another, nats. As many points count as are on
+        known ground in both: that one overlaps the map more is no evidence (Sect. 9.7)."""
+        points = min(match.known_points, other.known_points)
+        return POINT_EVIDENCE * points * (match.score - other.score)
+
+    def _cost(self, match: Match) -> float:
+        """What odometry says against a match, nats."""
+        return self.uncertainty.cost(self.predicted, match.pose)
+
+    def _is_lost(self, match: Match) -> bool:
+        """Whether the map contradicts a match."""
+        return match.score < LOST_BELOW * self.history.running_score
+
+    def _is_trusted(self, match: Match) -> bool:
         """Whether the match refined from the predicted pose fits as well as any, so that nothing
         need be searched."""
         deviations = self.uncertainty.deviations
@@ -203,11 +239,11 @@ class _WindowMatcher:
             return False  # the refinement may have ended beside the right pose
         if deviations.theta > CONVERGENCE_TURN:
             return False
-        return self._is_as_good(match, history) and not self._is_far(match.pose, TRUSTED_SIGMAS)
+        return self._is_as_good(match) and not self._is_far(match.pose, TRUSTED_SIGMAS)
 
-    def _is_as_good(self, match: Match, history: MatchHistory) -> bool:
+    def _is_as_good(self, match: Match) -> bool:
         """Whether a match is as good as those of the scans before."""
-        return self._overlaps(match) and match.score >= history.running_score - SCORE_MARGIN
+        return self._overlaps(match) and match.score >= self.history.running_score - SCORE_MARGIN
 
     def _overlaps(self, match: Match) -> bool:
         return match.known_points >= MIN_OVERLAP * self.scan.size

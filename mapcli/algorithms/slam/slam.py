@@ -151,6 +151,7 @@ class Slam:
             b = self._localize_globally(p)
         elif not first or self._is_continued:  # 5-8: the best test position around n
             uncertainty = self.odometry.uncertainty(motion)
+            self._history = self._history.moved(motion)
             p, b = self._match(scan, odom, p, n, uncertainty)
             if self._detects_faults:
                 scan_in_map = ScanInMap(self.map, p, self.parameters.match)
@@ -228,7 +229,7 @@ class Slam:
             score += SCORE_WEIGHT * (match.score - score)
             if self.faults.active == "odometry":
                 self.odometry.calibrate(before.between(match.pose), match.information)
-        self._history = MatchHistory(score, match.relocalisation_candidate)
+        self._history = MatchHistory(score, match.alternative)
 
     def _record(
         self,

@@ -42,18 +42,20 @@ class StaleOdometry:
         Args:
             step: the motion counted since the last scan, in the robot's frame then.
         """
-        if self.counted == self.found or min(seconds, self._before_s) < SHORTEST_STEP:
+        if self.counted == self.found or not self.is_impossible(step, seconds):
             return None
         rest = self.found.between(self.counted.compose(step))
-        as_counted, as_late = self._inertia(step, seconds), self._inertia(rest, seconds)
-        return rest if as_late < IMPOSSIBLE_SIGMAS <= as_counted else None
+        return None if self.is_impossible(rest, seconds) else rest
 
-    def _inertia(self, motion: Pose2D, seconds: float) -> float:
-        """How many standard deviations the speed has changed since the motion before."""
+    def is_impossible(self, motion: Pose2D, seconds: float) -> bool:
+        """Whether no robot moves so after the last motion that was found."""
+        if min(seconds, self._before_s) < SHORTEST_STEP:
+            return False
         last, time = self._before, (seconds + self._before_s) / 2
         ahead = motion.x / seconds - last.x / self._before_s
         turning = motion.theta / seconds - last.theta / self._before_s
-        return math.hypot(ahead / (ACCELERATION * time), turning / (TURN_ACCELERATION * time))
+        sigmas = math.hypot(ahead / (ACCELERATION * time), turning / (TURN_ACCELERATION * time))
+        return sigmas >= IMPOSSIBLE_SIGMAS
 
     def update(self, step: Pose2D | None, found: Pose2D, seconds: float, *, agrees: bool) -> None:
         """Add a step, as counted and as found in the map.

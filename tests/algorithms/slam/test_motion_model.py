@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from mapcli.algorithms.slam.motion_model import (
+    FAILURE_COST,
     HIGHEST_SPEED,
+    MODEL_NOISE,
     DeadReckoning,
     MotionModel,
+    OdometryNoise,
     OdometryUncertainty,
 )
 from mapcli.model.pose import Pose2D
@@ -120,3 +123,34 @@ def test_without_calibration_motions_are_as_counted() -> None:
         odometry.calibrate(Pose2D(0.2), SURE)
     assert motion is not None
     assert motion.x == pytest.approx(0.21, abs=1e-9)
+
+
+def test_what_odometry_errs_by_is_learned() -> None:
+    noise, deviations = OdometryNoise(), StandardDeviations(0.1, 0.05)
+    assert noise.shares == MODEL_NOISE
+    for _ in range(500):  # half a deviation along each axis, a tenth of one in turning
+        noise.update(Pose2D(1.0), Pose2D(1.05, 0.05, 0.005), deviations)
+    assert noise.shares.xy == pytest.approx(0.5, abs=0.02)
+    assert noise.shares.theta == pytest.approx(0.17, abs=0.03)
+    before = noise.shares
+    noise.update(Pose2D(1.0), Pose2D(-1.0), deviations)  # a failure: as if two deviations
+    assert noise.shares.xy == pytest.approx(before.xy, abs=0.01)
+
+
+def test_what_odometry_says_against_a_pose() -> None:
+    uncertainty = OdometryUncertainty(
+        StandardDeviations(0.1, 0.02), 1.0, usual=StandardDeviations(0.5, 2.0)
+    )
+    here = Pose2D(1, 2, 3.13)
+    assert uncertainty.cost(here, here) == 0
+    assert uncertainty.cost(here, here.compose(Pose2D(0.1))) == pytest.approx(2**2 / 2)
+    assert uncertainty.cost(here, here.compose(Pose2D(theta=0.04))) == pytest.approx(1 / 2)
+    assert uncertainty.cost(here, Pose2D()) == FAILURE_COST
+
+
+def test_a_step_that_no_robot_makes_is_suspect() -> None:
+    odometry = DeadReckoning()
+    for k, metres in enumerate((0.0, 0.4, 0.8, 0.8)):
+        motion = odometry.motion(k * SECOND // 5, Pose2D(metres))
+        assert odometry.uncertainty(motion).is_suspect == (k == 3)
+        odometry.compare(motion or Pose2D())

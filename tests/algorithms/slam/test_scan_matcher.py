@@ -22,7 +22,13 @@ from support.room import (
 
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import edges_of
-from mapcli.algorithms.slam.match import MIN_POINTS, Match, MatchParameters
+from mapcli.algorithms.slam.match import (
+    MIN_POINTS,
+    Alternative,
+    Match,
+    MatchHistory,
+    MatchParameters,
+)
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.scan_matcher import match_scan
 from mapcli.model.pose import Pose2D, wrap_angle
@@ -146,7 +152,7 @@ def test_relocalisation_finds_the_pose_far_around() -> None:
 
 
 def test_the_relocalisation_window_grows_with_the_metres_driven() -> None:
-    tried = moved(HERE, 0.9, 0.0, 5)
+    tried = moved(HERE, 1.2, 0.0, 5)
     fast = uncertain(0.05, 1, 0.5)
     assert_at(match_scan(mapped(), look(HERE), tried, fast, MatchParameters()), HERE)
     match = match_scan(mapped(), look(HERE), tried, NARROW, MatchParameters())
@@ -159,6 +165,33 @@ def test_what_fits_nowhere_stays_in_the_window() -> None:
     match = match_scan(mapped(), look(HERE, OTHER_ROOM), HERE, NARROW, p)
     half = p.window_xy + NARROW.window_sigmas * NARROW.deviations.xy + 0.05
     assert match.pose.distance(HERE) <= half * math.sqrt(2) + 0.1
+
+
+def test_what_the_map_does_not_contradict_is_left_at_the_second_scan() -> None:
+    # Nine decimetres off, three of five points still find a wall.
+    tried, fast = moved(HERE, 0.9, 0.0, 5), uncertain(0.05, 1, 0.5)
+    first = match_scan(mapped(), look(HERE), tried, fast, MatchParameters())
+    assert first.pose.distance(HERE) > 0.3
+    assert first.alternative is not None
+    assert first.alternative.pose.distance(HERE) < 0.02
+    history = MatchHistory(0.9, first.alternative)
+    assert_at(match_scan(mapped(), look(HERE), tried, fast, MatchParameters(), history), HERE)
+    elsewhere = MatchHistory(0.9, Alternative(moved(HERE, 0.3, 0.0), first.alternative.evidence))
+    again = match_scan(mapped(), look(HERE), tried, fast, MatchParameters(), elsewhere)
+    assert again.pose.distance(HERE) > 0.3
+
+
+def test_odometry_that_no_robot_follows_is_left_at_once() -> None:
+    tried, suspect = moved(HERE, 0.9, 0.0, 5), replace(uncertain(0.05, 1, 0.5), is_suspect=True)
+    assert_at(match_scan(mapped(), look(HERE), tried, suspect, MatchParameters()), HERE)
+
+
+def test_alternatives_move_with_the_robot() -> None:
+    history = MatchHistory(0.8, Alternative(HERE, 12.0))
+    step = Pose2D(0.3, 0.0, 0.2)
+    assert history.moved(step) == MatchHistory(0.8, Alternative(HERE.compose(step), 12.0))
+    assert history.moved(None) == MatchHistory(0.8)
+    assert MatchHistory(0.8).moved(step) == MatchHistory(0.8)
 
 
 # --- scans of few points
