@@ -12,7 +12,7 @@ import click
 from mapcli.commands._options import NOT_NEGATIVE, POSE, POSITIVE
 from mapcli.commands._say import say, warn
 from mapcli.formats.logs.open_log import Log, open_log
-from mapcli.model.log import LogOptions
+from mapcli.model.log import ALL_TOPICS, LogOptions
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Mount, Record
 
@@ -78,7 +78,12 @@ class LogInput:
 
 OPTIONS = (
     click.option(
-        "--scan-topic", metavar="TOPIC", help="Where the scans are, if there are several."
+        "--scan-topic",
+        "scan_topics",
+        metavar="TOPIC",
+        multiple=True,
+        help="Where the scans are, if there are several. Repeatable, for several lasers that "
+        f"make one map; `{ALL_TOPICS}` takes every topic of scans.",
     ),
     click.option("--odom-topic", metavar="TOPIC", help="Where the odometry is; may be /tf."),
     click.option(
@@ -158,7 +163,7 @@ def log_input_options(command: Command) -> Command:
     @wraps(command)
     def with_input(
         *args: Any,
-        scan_topic: str | None,
+        scan_topics: tuple[str, ...],
         odom_topic: str | None,
         laser_pose: Mount | None,
         time_source: Any,
@@ -177,7 +182,7 @@ def log_input_options(command: Command) -> Command:
         if start is not None and end is not None and end < start:
             raise click.UsageError("--end is before --start.")
         options = LogOptions(
-            scan_topic=scan_topic,
+            scan_topics=scan_topics,
             odom_topic=odom_topic,
             laser_pose=laser_pose,
             time_source=time_source,
@@ -199,7 +204,7 @@ def log_input_options(command: Command) -> Command:
 def say_notes(log: Log, *, verbose: bool = False, quiet: bool = False) -> None:
     """Tell on stderr how a log was understood and, with -q too, what was wrong with it."""
     if verbose and not quiet:
-        say(f"Scans from {log.scan_topic}, odometry from {log.odom_topic}.")
+        say(f"Scans from {', '.join(log.scan_topics) or None}, odometry from {log.odom_topic}.")
     for text in () if quiet else log.notes:
         say(f"Note: {text}")
     for found in log.breaks if log.options.one_recording and not quiet else ():

@@ -58,7 +58,7 @@ def describe(log: Log) -> dict[str, Any]:
         "end_ns": check.end_ns,
         "topics": [_topic(topic) for topic in log.topics()],
         "uses": {
-            "scan_topic": log.scan_topic if used else None,
+            "scan_topic": ", ".join(log.scan_topics) if used else None,
             "odom_topic": log.odom_topic if used else None,
         },
         "scans": _scans(log, check) if used else None,
@@ -170,7 +170,8 @@ def _clock_warnings(log: Log, check: LogCheck) -> Iterator[str]:
         yield counted(
             check.scans_outside_odometry, "scans before the first or after the last odometry"
         )
-    scan, odom = log.delays.get(log.scan_topic or ""), log.delays.get(log.odom_topic or "")
+    scan = log.delays.get(next(iter(log.scan_topics), ""))
+    odom = log.delays.get(log.odom_topic or "")
     if scan and odom and scan.count and odom.count and abs(scan.mean_s - odom.mean_s) > DELAY_S:
         yield (
             f"scans were recorded {scan.mean_s:.1f} s after their stamps, odometry "

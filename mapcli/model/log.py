@@ -34,12 +34,17 @@ class Topic:
     last_ns: int = 0
 
 
+ALL_TOPICS = "all"
+"""In the place of a name: every topic of scans."""
+
+
 @dataclass(frozen=True)
 class LogOptions:
     """How a log is to be read (`Input` in `mapcli slam-replay --help`).
 
     Attributes:
-        scan_topic, odom_topic: by name; None finds the only candidate.
+        scan_topics: by name, one for each laser, or `ALL_TOPICS`; empty finds the only candidate.
+        odom_topic: by name; None finds the only candidate.
         laser_pose: overrides the mount that the log tells.
         time_source: `header` uses the stamp inside a message, `log` the time it was recorded at.
         strict: refuse a damaged log instead of using what can be read.
@@ -50,7 +55,7 @@ class LogOptions:
         beam_order: in which the beams of the array are taken; None is found out.
     """
 
-    scan_topic: str | None = None
+    scan_topics: tuple[str, ...] = ()
     odom_topic: str | None = None
     laser_pose: Mount | None = None
     time_source: Literal["header", "log"] = "header"

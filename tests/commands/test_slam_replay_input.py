@@ -251,7 +251,8 @@ def test_several_scan_topics(capsys: pytest.CaptureFixture[str]) -> None:
     assert replay(log) == 1
     assert complaint(capsys) == (
         "Error: a.mcap: several scan topics: /front (sensor_msgs/msg/LaserScan, 1 message), "
-        "/rear (sensor_msgs/msg/LaserScan, 1 message); expected one of them named with --scan-topic"
+        "/rear (sensor_msgs/msg/LaserScan, 1 message); expected one of them named with "
+        "--scan-topic, several lasers of a robot with one --scan-topic each, or --scan-topic all"
     )
     assert traced(log, "--scan-topic", "/rear")["summary"]["used"] == 1
 

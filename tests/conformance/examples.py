@@ -67,7 +67,7 @@ written (`/` at its end: a folder); what follows `@` belongs to the word and not
 IN_PLACE = {("convert", "target", "source"), ("transform", "target", "source")}
 """Command, output and the input that it may replace, since its user names one file twice."""
 
-NOT_FILES = {"scan_topic", "odom_topic", "topic", "title"}
+NOT_FILES = {"scan_topics", "odom_topic", "topic", "title"}
 """Parameters that are any text."""
 
 

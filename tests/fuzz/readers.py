@@ -86,7 +86,7 @@ def read_log(path: Path) -> None:
         log = open_log(path, LogOptions(strict=strict))
         try:
             assert log.digests()
-            log.topics(), log.scan_topic, log.odom_topic, log.scan_count, log.record_count
+            log.topics(), log.scan_topics, log.odom_topic, log.scan_count, log.record_count
             assert all(record.stamp_ns >= 0 for record in log.records())
             assert all(line.strip() for line in log.damage.lines())
         except MapcliError as error:

@@ -19,6 +19,10 @@ from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam.match import MIN_POINTS
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.model.pose import Pose2D
+from mapcli.model.scan import Mount
+
+MIDDLE = Mount()
+"""A laser in the middle of the robot, looking ahead."""
 
 ROOM_M = 15.0
 """Metres around the robot that a new map has room for from the start."""
@@ -59,25 +63,28 @@ class LocalMap:
         self.grid, self.parameters = grid, parameters
         self._next: OccupancyGrid | None = None
         self._next_scans: list[tuple[Pose2D, Perception]] = []
-        self._updated_at: Pose2D | None = None
+        # Where each laser's last scan was written, and any laser's.
+        self._updated_at: dict[Mount, Pose2D] = {}
+        self._last: Pose2D | None = None
         self._metres = self._next_from = 0.0
 
-    def update(self, pose: Pose2D, perception: Perception) -> bool:
+    def update(self, pose: Pose2D, perception: Perception, laser: Mount = MIDDLE) -> bool:
         """Line 10, if the robot has come far enough since the last update; whether it has.
 
         Args:
             pose: of the robot in the map.
+            laser: that saw it; each laser of a robot has an update of its own.
         """
-        last = self._updated_at
+        last = self._updated_at.get(laser)
         if self.parameters.frozen:
             return False
         if last is not None and not self._is_far_enough(last.between(pose)):
             return False
         self.grid.integrate(pose, perception)
         if len(perception.hits) < MIN_POINTS:
-            return last is not None
-        self._metres += last.distance(pose) if last else 0.0
-        self._updated_at = pose
+            return self._last is not None
+        self._metres += self._last.distance(pose) if self._last else 0.0
+        self._updated_at[laser] = self._last = pose
         self._forget(pose, perception)
         return True
 

@@ -47,7 +47,7 @@ from mapcli.algorithms.slam.submaps import SUBMAP_M
 from mapcli.algorithms.slam.sweep_motion import SweepMotionFilter
 from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
-from mapcli.model.scan import RangeScan, Record
+from mapcli.model.scan import Mount, RangeScan, Record
 from mapcli.model.trace import Status, TracedPose
 
 FIRST_SCORE = 0.9
@@ -119,6 +119,7 @@ class Slam:
         self.local_map = LocalMap(known or OccupancyGrid(p.map), p.local_map)
         self.pose = start or Pose2D()
         self._is_continued = known is not None
+        self._lasers: set[Mount] = set()  # those whose scans came by now
         self._is_localized, self._global_scans = known is None or start is not None, 0
         self.odometry = DeadReckoning(p.odometry, calibrate=p.calibrate_odometry)
         self.faults = OdometryFaults()
@@ -149,7 +150,7 @@ class Slam:
         b = Match(n, 0.0, 0, found=False)
         if not self._is_localized:
             b = self._localize_globally(p)
-        elif not first or self._is_continued:  # 5-8: the best test position around n
+        elif self._is_known_from(scan.mount):  # 5-8: the best test position around n
             uncertainty = self.odometry.uncertainty(motion)
             self._history = self._history.moved(motion)
             p, b = self._match(scan, odom, p, n, uncertainty)
@@ -160,7 +161,7 @@ class Slam:
             self.known_map_fit.add(b, len(p.hits))
         n = b.pose  # 9: replace new position by best position
         self.odometry.compare(c.between(n))
-        in_map = self._is_localized and self.local_map.update(n, p)  # 10: update map based on it
+        in_map = self._is_localized and self.local_map.update(n, p, scan.mount)  # 10: update map
         self._record(scan, odom, p, n, b, in_map=in_map)
         self.perception = p
         self.pose, self._has_begun = n, True  # 11: current position is new position
@@ -192,6 +193,13 @@ class Slam:
         if again is not perception:
             b = match_scan(self.map, again, predicted, uncertainty, p, self._history)
         return again, b
+
+    def _is_known_from(self, laser: Mount) -> bool:
+        """Whether the map holds what a laser there sees: the first scan of one that looks back
+        would be matched with the edges of what one that looks ahead has seen."""
+        is_known = self._is_continued or laser in self._lasers
+        self._lasers.add(laser)
+        return is_known
 
     def _localize_globally(self, perception: Perception) -> Match:
         """The first pose in a known map.

@@ -7,6 +7,7 @@ for taken at once then. Some publish nonsense. Whoever knows better says how lon
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import islice
@@ -14,7 +15,7 @@ from itertools import islice
 import numpy as np
 
 from mapcli.model.log import Entry, LogOptions
-from mapcli.model.scan import NANOSECONDS, RangeScan
+from mapcli.model.scan import NANOSECONDS, Mount, RangeScan
 from mapcli.model.sweep import AT_ONCE, BeamTiming
 
 CHECKED_SCANS = 100
@@ -70,15 +71,24 @@ def _next_scans(records: Iterator[Entry]) -> Iterator[Entry]:
         yield some[0]
 
 
+def _periods(records: Iterable[Entry]) -> defaultdict[Mount, float]:
+    """Median seconds from scan to scan of each laser; 0 where that is not known."""
+    stamps = defaultdict[Mount, list[int]](list)
+    for record in records:
+        if isinstance(record, RangeScan):
+            stamps[record.mount].append(record.stamp_ns)
+    steps = {mount: np.diff(times) / NANOSECONDS for mount, times in stamps.items()}
+    medians = {mount: float(np.median(some)) for mount, some in steps.items() if len(some)}
+    return defaultdict(float, medians)
+
+
 class _IncrementCheck:
     """Whether times from beam to beam can be believed."""
 
     def __init__(
         self, records: list[Entry], options: LogOptions, note: Callable[[str], None]
     ) -> None:
-        stamps = [record.stamp_ns for record in records if isinstance(record, RangeScan)]
-        steps = np.diff(stamps) / NANOSECONDS
-        self._period = float(np.median(steps)) if len(steps) else 0.0
+        self._periods = _periods(records)
         self._options, self._note = options, note
 
     def timed(self, record: Entry) -> Entry:
@@ -86,13 +96,13 @@ class _IncrementCheck:
         if not isinstance(record, RangeScan) or record.timing.increment == 0:
             return record
         increment, timing = record.timing.increment, AT_ONCE
-        span = record.timing.span(len(record.ranges))
-        if increment > 0 and span <= LONGEST_SWEEP * self._period:
+        span, period = record.timing.span(len(record.ranges)), self._periods[record.mount]
+        if increment > 0 and span <= LONGEST_SWEEP * period:
             timing = _timing(increment, self._options)
         else:
             self._note(
                 f"time_increment is {increment:g} s, {span:,.4g} s from the first beam to the last "
-                f"where scans come every {self._period:.4g} s: not used, all beams count as taken "
+                f"where scans come every {period:.4g} s: not used, all beams count as taken "
                 "at once"
             )
         return replace(record, timing=timing)

@@ -16,7 +16,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from heapq import merge
 
-from mapcli.errors import FormatError
+from mapcli.errors import DataError, FormatError
 from mapcli.formats.logs.blocks import read_lines
 from mapcli.formats.logs.carmen_lines import (
     PARSERS,
@@ -155,16 +155,31 @@ class CarmenLog(Log):
     def record_count(self) -> int | None:
         return (super().record_count or 0) + (self.scan_count or 0)
 
+    def require_scan_topics(self) -> list[Topic]:
+        """The message that holds the scans: one, since a CARMEN log does not tell where other
+        lasers sit.
+
+        Raises:
+            DataError: as of every log; several.
+        """
+        topics = super().require_scan_topics()
+        if len(topics) > 1:
+            raise DataError(
+                f"{len(topics)} lasers in a CARMEN log, which does not tell where they sit",
+                file=self.sources[0].name,
+                expected="one --scan-topic",
+            )
+        return topics
+
     def find_odom_topic(self) -> Topic | None:
         """ODOM, or the scans themselves, which carry their odometry."""
-        scan = self.scan_topic
-        own = next((topic for topic in self.topics() if topic.name == scan), None)
+        own = next((topic for topic in self.topics() if topic.name in self.scan_topics), None)
         if own is not None and self.options.odom_topic == own.name:
             return own
         return super().find_odom_topic() or own
 
     def _records(self) -> Iterator[Entry]:
-        scan_name = self.require_scan_topic().name
+        scan_name = self.require_scan_topics()[0].name
         own_odometry = self.options.odom_topic in (None, scan_name)
         mount = self._mount(scan_name)
         parts = [
@@ -177,7 +192,7 @@ class CarmenLog(Log):
 
     def _wanted(self) -> set[str]:
         """The names of the messages that are read."""
-        scan_name = self.require_scan_topic().name
+        scan_name = self.require_scan_topics()[0].name
         return {scan_name, "ODOM"} if self.options.odom_topic != scan_name else {scan_name}
 
     def _part(self, source: Source, own_odometry: bool, mount: Mount) -> Iterator[Entry]:
@@ -210,7 +225,7 @@ class CarmenLog(Log):
         self, source: Source, wanted: set[str]
     ) -> Iterator[tuple[int, LaserMessage | Odometry | MissedScans]]:
         """(line, message) of the messages wanted; those that were hit are counted."""
-        scan_name = self.require_scan_topic().name
+        scan_name = self.require_scan_topics()[0].name
         for number, name, line in self._lines(source, self.damage):
             if name in wanted:
                 message = self._parse(name, line)

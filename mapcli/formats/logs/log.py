@@ -18,7 +18,7 @@ from mapcli.formats.logs.missed_scans import with_stamps
 from mapcli.formats.logs.mounts import rounded_mount
 from mapcli.formats.logs.no_return import NoReturnFilter
 from mapcli.formats.logs.one_recording import Part, Spans, refuse_breaks, refuse_overlap
-from mapcli.formats.logs.topics import choose_odom_topic, choose_scan_topic
+from mapcli.formats.logs.topics import choose_odom_topic, choose_scan_topics
 from mapcli.model.counting import counted
 from mapcli.model.log import (
     BeamCounts,
@@ -101,12 +101,12 @@ class Log(ABC):
         """All topics, in order of first appearance or name."""
 
     @property
-    def scan_topic(self) -> str | None:
-        """The topic that scans are read from; None when there is none or no obvious one."""
+    def scan_topics(self) -> list[str]:
+        """The topics that scans are read from; none when there is none or no obvious one."""
         try:
-            return self.require_scan_topic().name
+            return [topic.name for topic in self.require_scan_topics()]
         except (DataError, FormatError):
-            return None
+            return []
 
     @property
     def odom_topic(self) -> str | None:
@@ -119,24 +119,32 @@ class Log(ABC):
 
     @property
     def scan_count(self) -> int | None:
-        """Scans on the chosen topic, as far as the log tells before it is read."""
-        name = self.scan_topic
-        return next((topic.count for topic in self.topics() if topic.name == name), None)
+        """Scans on the chosen topics, as far as the log tells before it is read."""
+        names = self.scan_topics
+        counts = [topic.count for topic in self.topics() if topic.name in names]
+        return sum(counts) if counts else None
 
     @property
     def record_count(self) -> int | None:
         """About how many records there will be, for a progress bar."""
-        names = self.scan_topic, self.odom_topic
+        names = *self.scan_topics, self.odom_topic
         return sum(topic.count for topic in self.topics() if topic.name in names) or None
 
-    def require_scan_topic(self) -> Topic:
-        """The topic of the scans.
+    def require_scan_topics(self) -> list[Topic]:
+        """The topics of the scans, one for each laser.
 
         Raises:
-            DataError: none, or several and no --scan-topic.
+            DataError: none, or several and no --scan-topic; several, and a --laser-pose, which
+                tells of one.
         """
-        wanted, name = self.options.scan_topic, self.sources[0].name
-        return choose_scan_topic(self.topics(), wanted, name, self.scans_are)
+        wanted, name = self.options.scan_topics, self.sources[0].name
+        topics = choose_scan_topics(self.topics(), wanted, name, self.scans_are)
+        if len(topics) > 1 and self.laser_pose is not None:
+            raise DataError(
+                f"{len(topics)} lasers, and one --laser-pose for them", file=name,
+                expected="one --scan-topic, or mounts that the log tells",
+            )  # fmt: skip
+        return topics
 
     def find_odom_topic(self) -> Topic | None:
         """The topic of the odometry, or None.
@@ -203,7 +211,7 @@ class Log(ABC):
         self.damage.clear()
         self.beams, self.units = BeamCounts(), UnitCounts()
         self.disordered, self.delays = 0, {}
-        self.require_scan_topic()
+        self.require_scan_topics()
         if self.find_odom_topic() is None:
             self.note("no odometry: poses come from matching scans alone")
         if len(self.sources) > 1 and not self.options.one_recording:
@@ -222,7 +230,7 @@ class Log(ABC):
             raise FormatError(str(error.strerror or error).lower(), file=self.name) from error
         finally:
             for line in codes.lines():
-                self.note(f"{self.scan_topic}: {line}")
+                self.note(f"{', '.join(self.scan_topics)}: {line}")
         if not scans:
             reasons = f" ({'; '.join(self.damage.lines())})" if self.damage.counts else ""
             raise FormatError(f"not one scan can be read{reasons}", file=self.sources[0].name)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from mapcli.errors import DataError
 from mapcli.model.counting import counted
-from mapcli.model.log import Role, Topic
+from mapcli.model.log import ALL_TOPICS, Role, Topic
 
 
 class LogNames(NamedTuple):
@@ -24,35 +24,43 @@ class LogNames(NamedTuple):
     topic_per_mount: bool = False
 
 
-def choose_scan_topic(
-    topics: Sequence[Topic], wanted: str | None, name: str, expected: str
-) -> Topic:
-    """The topic to read scans from: the one named, or the only candidate.
+def choose_scan_topics(
+    topics: Sequence[Topic], wanted: Sequence[str], name: str, expected: str
+) -> list[Topic]:
+    """The topics to read scans from: those named, or the only candidate.
 
     Args:
+        wanted: names, see `LogOptions.scan_topics`.
         expected: what would have been scans in this format.
 
     Raises:
-        DataError: see `Log.require_scan_topic`.
+        DataError: see `Log.require_scan_topics`.
     """
-    candidates = _candidates(topics, "scan", wanted)
-    if len(candidates) == 1:
-        return candidates[0]
-    if wanted is not None:
-        raise DataError(
-            f"no scan topic {wanted}{_listed(_candidates(topics, 'scan'), ' among ')}", file=name
-        )
+    candidates = _candidates(topics, "scan")
+    if wanted and ALL_TOPICS not in wanted:
+        return [_named(topics, one, name) for one in dict.fromkeys(wanted)]
+    if len(candidates) == 1 or (candidates and wanted):
+        return candidates
     if candidates:
         raise DataError(
             f"several scan topics{_listed(candidates, ': ')}",
             file=name,
-            expected="one of them named with --scan-topic",
+            expected="one of them named with --scan-topic, several lasers of a robot with one "
+            f"--scan-topic each, or --scan-topic {ALL_TOPICS}",
         )
     raise DataError(
         f"no range scans{_listed(topics, ' among ')}",
         file=name,
         expected=expected,
     )
+
+
+def _named(topics: Sequence[Topic], wanted: str, name: str) -> Topic:
+    found = _candidates(topics, "scan", wanted)
+    if len(found) != 1:
+        listed = _listed(_candidates(topics, "scan"), " among ")
+        raise DataError(f"no scan topic {wanted}{listed}", file=name)
+    return found[0]
 
 
 def choose_odom_topic(topics: Sequence[Topic], wanted: str | None, name: str) -> Topic | None:

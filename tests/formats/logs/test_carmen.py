@@ -53,7 +53,7 @@ def test_odom_and_flaser_literally(tmp_path: Path) -> None:
     assert scan.ranges.dtype == np.float32
     assert scan.ranges.tolist() == [1.0, 2.5, math.inf, 0.5]  # 81.83 is SICK for no return
     assert (scan.range_min, scan.range_max, scan.mount) == (0.0, 80.0, Mount())
-    assert (log.scan_topic, log.odom_topic, log.scan_count) == ("FLASER", "ODOM", 1)
+    assert (log.scan_topics, log.odom_topic, log.scan_count) == (["FLASER"], "ODOM", 1)
     assert log.damage.counts == {}
 
 
@@ -76,7 +76,7 @@ def test_robotlaser_literally(tmp_path: Path) -> None:
     assert (scan.angle_min, scan.angle_increment) == (-1.5, 0.5)
     assert scan.range_max == 5.0
     assert scan.ranges.tolist() == [1, 2, 3, 4, math.inf, math.inf, 0.5]  # 5 is its maximum
-    assert log.scan_topic == "ROBOTLASER1"
+    assert log.scan_topics == ["ROBOTLASER1"]
     assert log.odom_topic == "ROBOTLASER1"  # there is no ODOM line
 
 
@@ -255,12 +255,12 @@ def test_two_lasers_need_a_choice(tmp_path: Path) -> None:
     path = write(tmp_path, FLASER, ROBOTLASER)
     with pytest.raises(DataError, match=r"several scan topics: FLASER .* ROBOTLASER1 .*scan-topic"):
         read(path)
-    records, _ = read(path, scan_topic="FLASER")
+    records, _ = read(path, scan_topics=("FLASER",))
     assert len(scans_of(records)) == 1
     with pytest.raises(DataError, match="no scan topic FOO among FLASER"):
-        read(path, scan_topic="FOO")
+        read(path, scan_topics=("FOO",))
     with pytest.raises(DataError, match="no odometry topic FOO"):
-        read(path, scan_topic="FLASER", odom_topic="FOO")
+        read(path, scan_topics=("FLASER",), odom_topic="FOO")
 
 
 def test_no_scans(tmp_path: Path) -> None:

@@ -13,15 +13,18 @@ from mcap.opcode import Opcode
 
 from mapcli import memory
 from mapcli.formats.logs.mcap.container_records import (
-    MESSAGE,
     RECORD,
     ChunkHead,
     Segment,
+    add_description,
     chunk_head,
     reads_like_message,
 )
 from mapcli.formats.logs.mcap.frames import lz4_start, zstd_start
 from mapcli.formats.logs.mcap.places import LEAST_LENGTHS, places
+
+DESCRIPTIONS = frozenset(map(int, (Opcode.SCHEMA, Opcode.CHANNEL)))
+"""Records that tell what messages are."""
 
 MAX_UNPACKED_BYTES = 1 << 30
 """No recorder writes larger chunks; a broken size must not exhaust the memory."""
@@ -42,10 +45,12 @@ class Content(NamedTuple):
 
     Attributes:
         trouble: why they may be wrong or not all; completes "chunks ...".
+        proven: a checksum says that they are as written.
     """
 
     data: bytes
     trouble: str | None = None
+    proven: bool = False
 
 
 def unpacked(file: BinaryIO, segment: Segment) -> Content:
@@ -72,7 +77,7 @@ def unpacked(file: BinaryIO, segment: Segment) -> Content:
             # Bytes are in wrong places from the fault on, though the frame looks sound.
             return Content(_begun(packed, head), "with broken data")
         return Content(data, "with a wrong checksum")
-    return Content(data)
+    return Content(data, proven=head.checksum != 0)
 
 
 def _grown(file: BinaryIO, packed: bytes, head: ChunkHead, room: int) -> Content:
@@ -168,7 +173,9 @@ def _sound_records(
         if opcode in USED:
             found.append((opcode, start, at))
         if opcode != message and channels:
-            content = data[start : min(at, start + MESSAGE.size)]
-            if reads_like_message(opcode, length, content, channels, near_ns):
+            content = data[start:at]
+            hit = reads_like_message(opcode, length, content, channels, near_ns)
+            described = opcode in DESCRIPTIONS and add_description({}, {}, opcode, content)
+            if hit and not described:
                 return None
     return found if at == end else None

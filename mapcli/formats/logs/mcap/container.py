@@ -213,8 +213,8 @@ class Content(NamedTuple):
 
 
 def _content(file: BinaryIO, segment: Segment, channels: Mapping[int, Channel]) -> Content:
-    data, trouble = unpacked(file, segment)
-    found, sound = records(data, channels, segment.start_ns)
+    data, trouble, proven = unpacked(file, segment)
+    found, sound = records(data, () if proven else channels, segment.start_ns)
     if not sound and segment.chunk:  # outside chunks, the walk has told
         trouble = trouble or "with broken records"
     return Content(data, found, trouble)

@@ -69,7 +69,7 @@ class McapLog(Log):
     def topics(self) -> list[Topic]:
         return list(self._topics)
 
-    def require_scan_topic(self) -> Topic:
+    def require_scan_topics(self) -> list[Topic]:
         foreign = [t for t in self._topics if t.role == "other" and role_of_type(t.type) == "scan"]
         if foreign and not any(topic.role == "scan" for topic in self._topics):
             raise DataError(
@@ -78,14 +78,14 @@ class McapLog(Log):
                 expected=f"{self.scans_are} in cdr or json",
             )
         try:
-            return super().require_scan_topic()
+            return super().require_scan_topics()
         except DataError as error:
             error.where = "; ".join(self._structure.lines()) or None
             raise
 
     def find_odom_topic(self) -> Topic | None:
         topic = super().find_odom_topic()
-        if topic is not None and topic.role == "tf" and self.scan_topic is not None:
+        if topic is not None and topic.role == "tf" and self.scan_topics:
             return topic if self._known_robot(topic).odom_frame else None
         return topic
 
@@ -93,7 +93,7 @@ class McapLog(Log):
         """The frames, read ahead of the records."""
         if self._robot is None:
             child = self._first(odom, "child") if odom and odom.role == "odometry" else ""
-            frame = self._first(self.require_scan_topic(), "frame")
+            frame = self._first(self.require_scan_topics()[0], "frame")
             static, moving = self._transforms("tf_static"), self._transforms("tf")
             self._robot = find_robot(frame, child, static, moving)
         return self._robot
@@ -139,7 +139,7 @@ class McapLog(Log):
                     yield log_time, topic, MissedScans(what, lost=True), part
 
     def _part_spans(self) -> list[Spans]:
-        wanted = [self.require_scan_topic(), *filter(None, [self.find_odom_topic()])]
+        wanted = [*self.require_scan_topics(), *filter(None, [self.find_odom_topic()])]
         return [
             {
                 topic.name: file.spans[number]
@@ -155,12 +155,12 @@ class McapLog(Log):
             self.damage.add(what, times, where=self._structure.first.get(what))
         if not all(file.complete for file in self._files):
             self.note("how many scans the damaged log held is not known")
-        scan, odom = self.require_scan_topic(), self.find_odom_topic()
-        self.delays = {topic.name: Delay() for topic in (scan, odom) if topic is not None}
+        odom = self.find_odom_topic()
+        wanted = [*self.require_scan_topics(), *filter(None, [odom])]
+        self.delays = {topic.name: Delay() for topic in wanted}
         robot = self._known_robot(odom)
         transforms = TfOdometry(robot) if odom and odom.role == "tf" else None
         mounts: dict[str, Mount] = {}
-        wanted = [scan, *filter(None, [odom])]
         for log_time, topic, message, part in self._messages(wanted, self.damage):
             self.part = part
             if isinstance(message, MissedScans):
@@ -173,11 +173,11 @@ class McapLog(Log):
             stamp = self._stamp(message.stamp_ns, log_time, topic)
             if not 0 <= stamp < LATEST_STAMP_S * NANOSECONDS:
                 missed = self._impossible(stamp, topic)
-                if topic is scan:
+                if topic.role == "scan":
                     yield missed
                 continue
             self.delays[topic.name].add(log_time - stamp)
-            if topic is not scan:
+            if topic.role != "scan":
                 yield Odometry(stamp, message.pose)
                 continue
             if message.frame not in mounts:

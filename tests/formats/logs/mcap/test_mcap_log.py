@@ -142,7 +142,7 @@ def test_written_with_other_names(tmp_path: Path) -> None:
     record = RangeScan(2, 0.0, 0.1, np.ones(5, dtype=np.float32))
     path.write_bytes(written([Odometry(1, Pose2D()), record], scan_topic="/s", odom_topic="/o"))
     log = open_log([str(path)])
-    assert (log.scan_topic, log.odom_topic) == ("/s", "/o")
+    assert (log.scan_topics, log.odom_topic) == (["/s"], "/o")
 
 
 def test_stamps_beyond_ros_2_are_refused() -> None:
@@ -459,11 +459,11 @@ def test_several_scan_topics_need_a_choice(tmp_path: Path) -> None:
         DataError, match=r"several scan topics: /front \(.*\), /rear .*--scan-topic"
     ):
         read(path)
-    assert len(scans_of(read(path, scan_topic="/rear")[0])) == 1
+    assert len(scans_of(read(path, scan_topics=("/rear",))[0])) == 1
     with pytest.raises(DataError, match="no scan topic /top among /front"):
-        read(path, scan_topic="/top")
+        read(path, scan_topics=("/top",))
     log = open_log([path])
-    assert (log.scan_topic, log.scan_count) == (None, None)
+    assert (log.scan_topics, log.scan_count) == ([], None)
 
 
 def test_several_odometry_topics_need_a_choice(tmp_path: Path) -> None:
