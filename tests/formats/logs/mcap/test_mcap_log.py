@@ -578,3 +578,13 @@ def test_json_that_is_none(tmp_path: Path) -> None:
     broken.append(Sent("/scan", ros.LASER_SCAN, None, 2 * S, b"[" * 100_000))
     path = mcap_file(tmp_path, as_json(scan(1)), *broken, encoding="json")
     assert read(path)[1].damage.counts == {"messages on /scan without readable content": 5}
+
+
+def test_a_description_is_no_message_however_its_bytes_read(tmp_path: Path) -> None:
+    # With a clock that began lately, times are so small that a channel's name reads as one.
+    records = [Odometry(138_570_784_768, Pose2D())]
+    path = tmp_path / "early.mcap"
+    path.write_bytes(written([*records, RangeScan(138_570_784_768, 0.0, 1.0, np.ones(3, "f4"))]))
+    log = open_log([path])
+    assert len(list(log.records())) == 2
+    assert not log.damage.counts
