@@ -24,8 +24,8 @@ Indices = NDArray[np.int64]
 MOVES = (0, 1), (1, 0), (1, 1), (1, -1)
 """To half of the neighbours of a cell, row and column; the others move back."""
 
-FINENESS = 12
-"""Cells are at most a twelfth as wide as the distance that the robot keeps."""
+FINENESS = 7
+"""Cells are at most as wide as a seventh of the distance that the robot keeps."""
 
 MOST_CELLS = 4_000_000
 """That a search goes through; a larger map keeps its cells, and wider passages are needed."""
