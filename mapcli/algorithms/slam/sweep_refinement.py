@@ -46,6 +46,13 @@ poses by less, metres on average, is the last."""
 LONGEST_PAUSE = 1.0
 """Sweeps follow each other when the pause between them is at most so many times a sweep."""
 
+SHORTEST = 0.2
+"""Of a sweep: a shorter step, to the scan of another laser, tells no speed."""
+
+OVERLAPPING = 0.8
+"""Scans that come after a smaller part of a sweep are of several lasers: a point may be taken after
+the next scan or the one after that, and goes by the cubic there."""
+
 BLOCK_SCANS, BLOCKS_IN_MEMORY = 500, 8
 """Scans whose points are taken from the store together, and blocks that are kept."""
 
@@ -117,6 +124,8 @@ class _SweepFit:
             [(stamp - self._sweeps.stamps_ns[0]) / NANOSECONDS for stamp in self._sweeps.stamps_ns]
         )
         self._follows = self._following()
+        steps = np.diff(self._stamps_s)
+        self._overlap = bool((steps < OVERLAPPING * self._sweeps.longest_s).any())
         array = np.array([(pose.x, pose.y, pose.theta) for pose in poses])
         array[:, 2] = np.unwrap(array[:, 2])
         self._set(array)
@@ -129,8 +138,11 @@ class _SweepFit:
 
     def _set(self, poses: Floats) -> None:
         seconds, counted = np.diff(self._stamps_s), self._odometry.counted
-        velocities = _velocities(poses, seconds, self._follows)
-        shares = shares_of_odometry(poses, self._follows, self._odometry)
+        is_long = seconds >= SHORTEST * self._sweeps.longest_s
+        velocities = _velocities(poses, seconds, self._follows & is_long)
+        shares = np.zeros_like(counted)
+        if not self._overlap:
+            shares = shares_of_odometry(poses, self._follows, self._odometry)
         self.path = Path(poses, velocities, seconds, counted, shares)
 
     def poses(self) -> list[Pose2D]:
@@ -202,6 +214,9 @@ class _SweepFit:
     ) -> TimedPoints:
         """Points of scans, taken so many seconds after the stamps."""
         steps = scans - (seconds < 0)
+        if self._overlap:
+            times = self._stamps_s[scans] + seconds
+            steps = np.searchsorted(self._stamps_s, times, side="right") - 1
         inside = (steps >= 0) & (steps < len(self._follows))
         inside[inside] = self._follows[steps[inside]]
         steps[~inside] = ALONE

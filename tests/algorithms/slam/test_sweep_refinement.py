@@ -7,12 +7,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from support.sweeping import SweepingRobot, ate
+from support.sweeping import SECOND, START_NS, SweepingRobot, ate
 
 from mapcli import Pose2D, SlamParameters, replay
 from mapcli.algorithms.slam._kernels.sweep_refinement import OdometrySteps
 from mapcli.algorithms.slam.replay import Replayed
 from mapcli.algorithms.slam.sweep_refinement import shares_of_odometry
+from mapcli.model.scan import Mount, RangeScan
 from mapcli.model.sweep import AT_ONCE, BeamTiming, ScanStamp
 
 STAMPS: dict[ScanStamp, float] = {"first": 0.0, "middle": 0.5, "last": 1.0}
@@ -81,6 +82,24 @@ def test_a_slow_laser_goes_by_good_wheels() -> None:
     # A cubic through poses 0.7 s apart is 14 mm off.
     robot = SweepingRobot(period_s=0.7, seconds=24, noise=0.005)
     assert error(replay(robot.records(BeamTiming(robot.increment))), robot) < 0.005
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("later_s", [0.0, 0.004, 0.1])
+def test_sweeps_of_two_lasers_overlap(later_s: float) -> None:
+    front = SweepingRobot()
+    back = replace(
+        front,
+        mount=Mount(Pose2D(-0.2, 0, -1.0)),
+        pose_at=lambda t: front.pose_at(t + later_s),
+    )
+    timing, more_ns = BeamTiming(front.increment), round(later_s * SECOND)
+    later = [one for one in back.records(timing) if isinstance(one, RangeScan)]
+    later = [replace(one, stamp_ns=one.stamp_ns + more_ns) for one in later]
+    records = sorted([*front.records(timing), *later], key=lambda one: one.stamp_ns)
+    scans = [one for one in records if isinstance(one, RangeScan)]
+    true = [front.pose_at((one.stamp_ns - START_NS) / SECOND) for one in scans]
+    assert ate([pose.pose for pose in replay(records).trace.poses], true) < 0.01
 
 
 def path(step: float, turns: float) -> np.ndarray:
