@@ -19,8 +19,8 @@ from mapcli.cli import COMMANDS, cli
 EXAMPLES = {
     "slam-replay": (
         "<log.mcap -o >folder/ --save-perception 0",
-        "<carmen.log --known <image.yaml --localize --map >m.yaml --png >p.png --json >t.json "
-        "--trace >t.tum --mcap >m.mcap",
+        "<carmen.log --known <image.yaml --initial-pose 0,0,0 --map >m.yaml --png >p.png "
+        "--json >t.json --trace >t.tum --mcap >m.mcap",
     ),
     "frontier": (
         "<room.txt --robot 5,6 --known <known.txt --json >t.json --png >p.png --gif >g.gif "
