@@ -18,12 +18,14 @@ ReasonKind = Literal[
     "walls_twice",
     "torn",
     "odometry_alone",
+    "sliding",
     "unconfirmed",
 ]
 """`laser_mirrored`: scans turn the other way than the wheels; `laser_turned`: the laser looks
 elsewhere than the log says, backwards above all; `range_unit`, `angle_unit`: readings are no
 metres, angles are no radians; `walls_twice`: places passed twice do not meet; `torn`: scans that
 those taken just before and after contradict; `odometry_alone`: no scan fitted the map;
+`sliding`: scans did not tell how far the robot had come, along corridors above all;
 `unconfirmed`: a long way of which nothing was seen on another visit."""
 
 DESCRIPTIONS = frozenset[ReasonKind](("laser_mirrored", "laser_turned", "range_unit", "angle_unit"))

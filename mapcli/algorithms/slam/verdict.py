@@ -30,6 +30,11 @@ ALONE_M = 2.0
 """Metres by odometry alone, at a stretch, that make a map doubtful: wheels err by a tenth of what
 they count, so that the map is off by more than a wall's thickness."""
 
+SLIDING_M, TRUSTED_SLIDING_M = 2.0, 10.0
+"""Metres on which scans leave the position to the odometry in one direction, all together, that
+make a map doubtful: with wheels that failed somewhere in the log, and with wheels that did not,
+which err by some percent."""
+
 UNSEEN_M = 150.0
 """Metres of way, at a stretch, of which nothing was seen on another visit. Tracking drifts by some
 tenths of a percent of the way, mostly by its heading: what is so long may be off by half a metre,
@@ -43,7 +48,11 @@ MOST_SPANS = 20
 
 
 def map_reasons(
-    poses: Sequence[TracedPose], agreements: Sequence[Agreement], *, is_closing: bool
+    poses: Sequence[TracedPose],
+    agreements: Sequence[Agreement],
+    *,
+    is_closing: bool,
+    wheels_failed: bool = False,
 ) -> tuple[Reason, ...]:
     """What makes a map doubtful or bad, of the map itself.
 
@@ -51,6 +60,7 @@ def map_reasons(
         poses: of every scan, as they are in the map.
         agreements: of some of the scans, in time order.
         is_closing: whether loops were searched for.
+        wheels_failed: odometry was wrong at some scans.
     """
     if not poses:
         return ()
@@ -60,6 +70,7 @@ def map_reasons(
         *run.contradicting("walls_twice", lambda one: one.apart, remedy),
         *run.contradicting("torn", lambda one: one.near, ""),
         *run.by_odometry_alone(),
+        *run.sliding(SLIDING_M if wheels_failed else TRUSTED_SLIDING_M),
         *run.never_seen_again(),
     )
 
@@ -119,6 +130,19 @@ class _Run:
         for first, last in _longest(spans):
             text = f"{self._way(first, last):.0f} m by odometry alone: no scan fitted the map"
             yield self._reason("odometry_alone", "doubtful", first, last, text)
+
+    def sliding(self, limit_m: float) -> Iterator[Reason]:
+        """Stretches where scans do not tell how far the robot has come, if they are long."""
+        spans = []
+        for slides, group in groupby(range(len(self.poses)), key=lambda k: self.poses[k].slides):
+            scans = list(group)
+            if slides:
+                spans.append((max(scans[0] - 1, 0), scans[-1]))
+        if sum(self._way(*span) for span in spans) <= limit_m:
+            return
+        for first, last in _longest(spans):
+            text = f"{self._way(first, last):.1f} m on which the walls do not tell how far it went"
+            yield self._reason("sliding", "doubtful", first, last, text)
 
     def never_seen_again(self) -> Iterator[Reason]:
         """Stretches of way that no other visit confirms."""

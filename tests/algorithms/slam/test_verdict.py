@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from mapcli.algorithms.slam.contradictions import Agreement
@@ -73,6 +75,17 @@ def test_a_stretch_by_odometry_alone_is_doubtful() -> None:
 
 def test_a_scan_by_odometry_alone_is_not() -> None:
     assert reasons(driven(100, range(30, 32)), agreements(100)) == ()
+
+
+def test_walls_that_do_not_tell_how_far_it_went() -> None:
+    poses = [replace(pose, slides=40 <= k < 45) for k, pose in enumerate(driven(100))]
+    assert reasons(poses, agreements(100)) == ()
+    (sliding,) = map_reasons(poses, agreements(100), is_closing=True, wheels_failed=True)
+    assert (sliding.kind, sliding.verdict) == ("sliding", "doubtful")
+    assert (sliding.from_s, sliding.to_s) == (39, 44)
+    assert sliding.text == "5.0 m on which the walls do not tell how far it went"
+    long = [replace(pose, slides=40 <= k < 51) for k, pose in enumerate(driven(100))]
+    assert [one.kind for one in reasons(long, agreements(100))] == ["sliding"]
 
 
 def test_a_long_way_of_which_nothing_is_seen_again_is_doubtful() -> None:
