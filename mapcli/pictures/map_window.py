@@ -141,8 +141,9 @@ def _seen_part(
     """First and last row, and column, of the squares of which half is known, where there are any;
     else of what is known. The squares overlap by half."""
     half = max(round(SEEN_SQUARE_M / 2 / resolution), 1)
-    strips = np.add.reduceat(known, range(0, len(known), half), axis=0, dtype=np.int32)
-    blocks = np.add.reduceat(strips, range(0, known.shape[1], half), axis=1)
+    counts = np.min_scalar_type(4 * half * half)  # of coarse maps there are as many as cells
+    strips = np.add.reduceat(known, range(0, len(known), half), axis=0, dtype=counts)
+    blocks = np.add.reduceat(strips, range(0, known.shape[1], half), axis=1, dtype=counts)
     blocks = np.pad(blocks, ((0, 1), (0, 1)))
     squares = blocks[:-1, :-1] + blocks[1:, :-1] + blocks[:-1, 1:] + blocks[1:, 1:]
     seen = squares >= 2 * half * half

@@ -132,7 +132,10 @@ def test_one_reading_of_3000_m_changes_one_beam(
         told.append(capsys.readouterr().out.splitlines()[1:])
     assert told[0] == told[1]
     good, odd = (np.array([[p["x"], p["y"]] for p in d["poses"]]) for d in documents)
-    assert np.hypot(*(good - odd).T).max() < 0.05  # a cell
+    apart = np.hypot(*(good - odd).T)
+    # The log has 36 scans, 0.6 m apart: one of them misses a beam that the other log's has.
+    assert np.quantile(apart, 0.95) < 0.05  # a cell
+    assert apart.max() < 0.15
     compared = run("compare", "-q", "good/map.yaml", "one-3000/map.yaml",
                    "--fail-if", "iou_free<0.97", "--fail-if", "agreement<0.99")  # fmt: skip
     assert compared == 0
