@@ -15,6 +15,9 @@ SHARE = 0.5
 
 GIGABYTE = 1_000_000_000
 
+SMALL_FILE, SMALL_FILE_LIMIT = 1_000_000, GIGABYTE
+"""Bytes; what is packed into so small a file is not unpacked to more, unless that is asked for."""
+
 _CONTROL_GROUPS = (
     "/sys/fs/cgroup/memory.max",  # version 2
     "/sys/fs/cgroup/memory/memory.limit_in_bytes",  # version 1
@@ -22,6 +25,7 @@ _CONTROL_GROUPS = (
 """Files that hold the bytes a container may take, or `max`."""
 
 _chosen: dict[str, int] = {}
+"""The limit that was asked for, if one was, and that of the machine, once it was looked up."""
 
 
 class MemoryLimitError(MapcliError):
@@ -36,9 +40,17 @@ def limit_to(size: int | None) -> None:
 
 def limit() -> int:
     """Bytes that a run may take."""
-    if "bytes" not in _chosen:
-        _chosen["bytes"] = int(SHARE * allowed())
-    return _chosen["bytes"]
+    if "bytes" in _chosen:
+        return _chosen["bytes"]
+    if "machine" not in _chosen:
+        _chosen["machine"] = int(SHARE * allowed())
+    return _chosen["machine"]
+
+
+def limit_of_file(size: int) -> int:
+    """Bytes that what is packed into a file of so many bytes may take."""
+    is_small = size < SMALL_FILE and "bytes" not in _chosen
+    return min(limit(), SMALL_FILE_LIMIT) if is_small else limit()
 
 
 def allowed() -> int:
@@ -50,21 +62,25 @@ def allowed() -> int:
     return min(sizes)
 
 
-def require(size: float, what: str, *, file: str | Path | None = None) -> None:
+def require(
+    size: float, what: str, *, file: str | Path | None = None, most: int | None = None
+) -> None:
     """Refuse what would take more memory than a run may, before it does.
 
     Args:
         size: bytes, an estimate.
         what: that takes them, for the message: "a map of 20,000 x 20,000 cells".
+        most: bytes that it may take; by default `limit()`.
 
     Raises:
         MemoryLimitError: it is too much.
     """
-    if size > limit():
+    most = limit() if most is None else most
+    if size > most:
         raise MemoryLimitError(
             f"{what} would take about {_gigabytes(size)} of memory",
             file=file,
-            expected=f"at most {_gigabytes(limit())} (--max-memory allows more)",
+            expected=f"at most {_gigabytes(most)} (--max-memory allows more)",
         )
 
 

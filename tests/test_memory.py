@@ -79,6 +79,21 @@ def test_an_image_is_refused_before_it_is_read(
     assert run("info", name, "--max-memory", "100M") == 0
 
 
+def test_a_small_file_is_not_unpacked_to_more_than_a_gigabyte(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from PIL import Image
+
+    monkeypatch.setattr(memory, "SMALL_FILE_LIMIT", 10_000_000)
+    name = tmp_path / "white.png"
+    Image.new("L", (4000, 4000), 254).save(name)
+    assert run("info", name) == 1
+    assert "would take about 32 MB of memory; expected at most 10 MB" in capsys.readouterr().err
+    assert run("info", name, "--max-memory", "1G") == 0
+    monkeypatch.setattr(memory, "SMALL_FILE", 1000)
+    assert run("info", name) == 0
+
+
 def test_an_exploration_is_refused_before_it_begins() -> None:
     memory.limit_to(1_000_000)
     world = GridMap(np.zeros((500, 500), np.float32))

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.errors import DataError, FormatError
-from mapcli.memory import require
+from mapcli.memory import limit_of_file, require
 from mapcli.model.grid import bands
 
 Mode = Literal["trinary", "scale", "raw"]
@@ -132,12 +132,14 @@ def refuse_size(
     pixel: int,
     limit: int = MAX_CELLS,
     held: int | None = None,
+    packed: int | None = None,
 ) -> None:
     """Refuse an image before memory is taken for it.
 
     Args:
         pixel: bytes that each takes while it is read, the map's cell among them.
         limit: of pixels.
+        packed: bytes of the file, where pixels are packed.
         held: pixels that the file can hold at most, by its length.
 
     Raises:
@@ -150,7 +152,9 @@ def refuse_size(
     if held is not None and rows * columns > held:
         expected = f"at most {held:,} pixels in a file of this length; it is cut short or damaged"
         raise FormatError(f"claims {size}", file=file, expected=expected)
-    require(pixel * rows * columns, f"an image of {columns:,} x {rows:,} pixels", file=file)
+    most = None if packed is None else limit_of_file(packed)
+    what = f"an image of {columns:,} x {rows:,} pixels"
+    require(pixel * rows * columns, what, file=file, most=most)
 
 
 def trinary_greys(

@@ -51,7 +51,8 @@ def read_png(data: bytes, file: str) -> MapImage:
         # Not Image.open: its guard against huge images is meant for web servers, and ours is above.
         image = PngImagePlugin.PngImageFile(io.BytesIO(data))
         if image.mode not in _ROOMY_MODES:
-            refuse_size(image.height, image.width, file, pixel=6, limit=MAX_CELLS // 2)
+            size = image.height, image.width
+            refuse_size(*size, file, pixel=6, limit=MAX_CELLS // 2, packed=len(data))
         image.load()
         note = str(image.text.get(NOTE_TITLE, ""))
     kind = f"PNG {_KINDS.get(image.mode, image.mode)}"
@@ -85,7 +86,8 @@ def _refuse_absurd(data: bytes, file: str) -> None:
     bits = columns * depth * _CHANNELS.get(colour, 1)
     unpacked = rows * ((bits + 7) // 8 + 1)
     share = min(len(data) * _DEFLATE_AT_MOST / unpacked, 1.0) if unpacked else 1.0
-    refuse_size(rows, columns, file, pixel=2, held=int(rows * columns * share))
+    held = int(rows * columns * share)
+    refuse_size(rows, columns, file, pixel=2, held=held, packed=len(data))
 
 
 def _pixels(part: Image.Image, image: Image.Image, clear: bool) -> GreyImage:
