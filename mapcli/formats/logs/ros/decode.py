@@ -228,7 +228,10 @@ def _frame(name: str) -> str:
 
 
 def _stamp(seconds: Any, nanoseconds: Any) -> int:
-    return int(seconds) * NANOSECONDS + int(nanoseconds)
+    stamp = int(seconds) * NANOSECONDS + int(nanoseconds)
+    if abs(stamp) >= 1 << 63:  # JSON has numbers of any length
+        raise ValueError(f"a stamp of {stamp.bit_length()} bits")
+    return stamp
 
 
 def _object(data: Buffer) -> dict[str, Any]:
