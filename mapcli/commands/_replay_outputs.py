@@ -174,14 +174,11 @@ def _picture(grid: GridMap, trace: PoseTrace, reasons: Sequence[Reason]) -> byte
 
     driven = trace.trajectory()
     seconds = driven.seconds()
-    doubtful = [_is_doubtful(time - seconds[0], reasons) for time in seconds.tolist()]
-    path = RobotPath(driven.poses[:, :2], seconds, driven.poses[:, 2], np.array(doubtful))
+    since, doubtful = seconds - seconds[0], np.zeros(len(seconds), np.bool_)
+    for one in reasons:
+        doubtful |= (since >= one.from_s - HALF_MS) & (since <= one.to_s + HALF_MS)
+    path = RobotPath(driven.poses[:, :2], seconds, driven.poses[:, 2], doubtful)
     return floor_plan(grid, path=path)
-
-
-def _is_doubtful(seconds: float, reasons: Sequence[Reason]) -> bool:
-    """Whether a reason tells of this time, seconds after the first scan."""
-    return any(one.from_s - HALF_MS <= seconds <= one.to_s + HALF_MS for one in reasons)
 
 
 def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> None:

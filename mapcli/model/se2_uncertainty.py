@@ -137,8 +137,7 @@ def turned_covariance(covariance: PositionCovariance, theta: float) -> Covarianc
 def largest_position_variance(covariance: Covariance) -> float:
     """Of the position, in its most uncertain direction: the larger eigenvalue, m^2."""
     (xx, both, _), (_, yy, _), _ = covariance.tolist()
-    variance: float = (xx + yy) / 2 + math.hypot((xx - yy) / 2, both)
-    return variance
+    return _eigenvalues(xx, both, yy)[1]
 
 
 def least_position_deviation(covariance: Covariance) -> float:
@@ -163,5 +162,11 @@ def weakest_deviation(information: InformationMatrix) -> float:
     (xx, xy, xt), (_, yy, yt), (_, _, tt) = information.tolist()
     if tt > 0:  # Schur complement: the heading is not known
         xx, xy, yy = xx - xt * xt / tt, xy - xt * yt / tt, yy - yt * yt / tt
-    least = (xx + yy) / 2 - math.hypot((xx - yy) / 2, xy)
+    least, _ = _eigenvalues(xx, xy, yy)
     return 1 / math.sqrt(least) if least > 0 else math.inf
+
+
+def _eigenvalues(xx: float, xy: float, yy: float) -> tuple[float, float]:
+    """The smaller and the larger one of a symmetric 2 x 2 matrix."""
+    middle, away = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)
+    return middle - away, middle + away

@@ -260,10 +260,8 @@ class Slam:
         if self.parameters.loops is None:
             return
         self.trajectory.correct_last_poses(self.faults.past_poses)
-        points, number = (
-            points_of(perception, self.parameters.map.resolution),
-            len(self.trajectory.poses),
-        )
+        points = points_of(perception, self.parameters.map.resolution)
+        number = len(self.trajectory.poses)
         self.trajectory.add(pose, points.metres)
         self.trajectory.sweeps.add(number, scan, odom, perception, points.numbers)
         if in_map:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby, pairwise
 
 from mapcli.algorithms.slam.contradictions import Agreement
-from mapcli.model.reason import Reason, ReasonKind, Verdict
+from mapcli.model.reason import VERDICTS, Reason, ReasonKind, Verdict
 from mapcli.model.scan import NANOSECONDS
 from mapcli.model.trace import TracedPose
 
@@ -43,6 +43,10 @@ and nothing would tell."""
 APART_S = 10.0
 """Seconds between contradicting scans that are told as one span."""
 
+MEET_NOT = "walls that another visit saw through: the places do not meet"
+LOST = "walls that scans nearby saw through: tracking was lost"
+"""What contradicting scans say, of other visits and of scans just before and after."""
+
 MOST_SPANS = 20
 """Reasons of a kind that are told, the longest ones."""
 
@@ -67,8 +71,8 @@ def map_reasons(
     run = _Run(poses, agreements)
     remedy = "--no-loop-closing" if is_closing else "--loop-closing"
     return (
-        *run.contradicting("walls_twice", lambda one: one.apart, remedy),
-        *run.contradicting("torn", lambda one: one.near, ""),
+        *run.contradicting("walls_twice", MEET_NOT, lambda one: one.apart, remedy),
+        *run.contradicting("torn", LOST, lambda one: one.near),
         *run.by_odometry_alone(),
         *run.sliding(SLIDING_M if wheels_failed else TRUSTED_SLIDING_M),
         *run.never_seen_again(),
@@ -77,8 +81,7 @@ def map_reasons(
 
 def verdict_of(reasons: Iterable[Reason]) -> Verdict:
     """The worst that a reason says."""
-    found = {reason.verdict for reason in reasons}
-    return "bad" if "bad" in found else "doubtful" if "doubtful" in found else "good"
+    return max((one.verdict for one in reasons), key=VERDICTS.index, default="good")
 
 
 class _Run:
@@ -92,7 +95,11 @@ class _Run:
             self.metres.append(self.metres[-1] + last.pose.distance(pose.pose))
 
     def contradicting(
-        self, kind: ReasonKind, share: Callable[[Agreement], float | None], remedy: str
+        self,
+        kind: ReasonKind,
+        text: str,
+        share: Callable[[Agreement], float | None],
+        remedy: str = "",
     ) -> Iterator[Reason]:
         """Spans of scans that others contradict, if they are more than a few."""
         compared = [one for one in self.agreements if share(one) is not None]
@@ -101,11 +108,6 @@ class _Run:
             return
         verdict: Verdict = "bad" if len(against) >= MANY * len(compared) else "doubtful"
         for first, last in _longest(self._spans(against)):
-            text = (
-                "walls that another visit saw through: the places do not meet"
-                if kind == "walls_twice"
-                else "walls that scans nearby saw through: tracking was lost"
-            )
             yield self._reason(kind, verdict, first, last, text, remedy)
 
     def _spans(self, scans: Sequence[int]) -> list[tuple[int, int]]:
@@ -121,23 +123,14 @@ class _Run:
 
     def by_odometry_alone(self) -> Iterator[Reason]:
         """Stretches at which the map said nothing of the robot's pose."""
-        spans = []
-        for status, group in groupby(range(len(self.poses)), key=lambda k: self.poses[k].status):
-            scans = list(group)
-            before = max(scans[0] - 1, 0)
-            if status == "odometry" and self._way(before, scans[-1]) > ALONE_M:
-                spans.append((before, scans[-1]))
-        for first, last in _longest(spans):
+        spans = self._stretches(lambda pose: pose.status == "odometry")
+        for first, last in _longest([span for span in spans if self._way(*span) > ALONE_M]):
             text = f"{self._way(first, last):.0f} m by odometry alone: no scan fitted the map"
             yield self._reason("odometry_alone", "doubtful", first, last, text)
 
     def sliding(self, limit_m: float) -> Iterator[Reason]:
         """Stretches where scans do not tell how far the robot has come, if they are long."""
-        spans = []
-        for slides, group in groupby(range(len(self.poses)), key=lambda k: self.poses[k].slides):
-            scans = list(group)
-            if slides:
-                spans.append((max(scans[0] - 1, 0), scans[-1]))
+        spans = self._stretches(lambda pose: pose.slides)
         if sum(self._way(*span) for span in spans) <= limit_m:
             return
         for first, last in _longest(spans):
@@ -151,6 +144,13 @@ class _Run:
         for first, last in _longest([s for s in spans if self._way(*s) > UNSEEN_M]):
             text = f"{self._way(first, last):.0f} m on which nothing was seen twice"
             yield self._reason("unconfirmed", "doubtful", first, last, text)
+
+    def _stretches(self, is_one: Callable[[TracedPose], bool]) -> list[tuple[int, int]]:
+        """Stretches of such scans: the scan before each, from where the robot came, and its last
+        one."""
+        scans = groupby(range(len(self.poses)), key=lambda k: is_one(self.poses[k]))
+        groups = [list(group) for such, group in scans if such]
+        return [(max(group[0] - 1, 0), group[-1]) for group in groups]
 
     def _way(self, first: int, last: int) -> float:
         return self.metres[last] - self.metres[first]

@@ -175,7 +175,11 @@ def _sound_records(
         if opcode != message and channels:
             content = data[start:at]
             hit = reads_like_message(opcode, length, content, channels, near_ns)
-            described = opcode in DESCRIPTIONS and add_description({}, {}, opcode, content)
-            if hit and not described:
+            if hit and not _describes(opcode, content):
                 return None
     return found if at == end else None
+
+
+def _describes(opcode: int, content: bytes) -> bool:
+    """Whether a record is a schema or a channel, and sound."""
+    return opcode in DESCRIPTIONS and add_description({}, {}, opcode, content)
