@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import hashlib
 from abc import ABC, abstractmethod
-from bisect import bisect_right
-from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from operator import attrgetter
 from pathlib import Path
 
 from mapcli.errors import DataError, FormatError
@@ -18,6 +15,7 @@ from mapcli.formats.logs.missed_scans import with_stamps
 from mapcli.formats.logs.mounts import rounded_mount
 from mapcli.formats.logs.no_return import NoReturnFilter
 from mapcli.formats.logs.one_recording import Part, Spans, refuse_breaks, refuse_overlap
+from mapcli.formats.logs.stamp_order import InStampOrder
 from mapcli.formats.logs.topics import choose_odom_topic, choose_scan_topics
 from mapcli.model.counting import counted
 from mapcli.model.log import (
@@ -257,7 +255,7 @@ class Log(ABC):
         and counted: after a clock was set back, mapcli cannot know which of two moments is meant.
         A single stamp far in the future does no harm: its record is given out at the end.
         """
-        waiting = _InOrder()
+        waiting = InStampOrder()
         given, latest = -1, dict[type, int]()
         for record in records:
             stamp, kind = record.stamp_ns, type(record)
@@ -286,19 +284,6 @@ class Log(ABC):
                 given = ready.stamp_ns
                 yield ready
         yield from waiting
-
-
-class _InOrder(deque[Entry]):
-    """Records sorted by stamp, equal ones in the order of their arrival (`add`)."""
-
-    def add(self, record: Entry) -> None:
-        if not self or self[-1].stamp_ns <= record.stamp_ns:
-            self.append(record)  # as nearly all come
-        else:
-            self.insert(bisect_right(self, record.stamp_ns, key=_stamp_ns), record)
-
-
-_stamp_ns = attrgetter("stamp_ns")
 
 
 def _plural(record: Record) -> str:
