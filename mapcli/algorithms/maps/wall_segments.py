@@ -46,10 +46,12 @@ class WallSegment:
 def straight_segments(poses: Floats, tolerance: float) -> list[WallSegment]:
     """The trace as straight pieces (Douglas and Peucker 1973)."""
     points = poses[:, :2]
-    line = shapely.simplify(shapely.LineString(points), tolerance, preserve_topology=False)
+    # Less than a nanometre is rounding noise; distances of 1e-200 m have squares of 0.
+    rounded = np.round(points, 9)
+    line = shapely.simplify(shapely.LineString(rounded), tolerance, preserve_topology=False)
     indices, k = [], 0
     for vertex in shapely.get_coordinates(line):
-        while (points[k] != vertex).any():
+        while (rounded[k] != vertex).any():
             k += 1
         indices.append(k)
     indices[-1] = len(points) - 1
