@@ -27,9 +27,11 @@ def check_outputs(
         files: the files to be written; inputs: those to be read, of the kind "logs" or "maps".
 
     Raises:
-        click.UsageError: two results for one file.
+        click.UsageError: two results for one file, or as of `check_inputs`.
         OutputError: one of the inputs, or as of `check_output`.
     """
+    inputs = list(inputs)
+    check_inputs(inputs)
     sources = read_files(inputs)
     taken: set[str | int] = set()
     for name in files:
@@ -42,6 +44,16 @@ def check_outputs(
             raise OutputError(f"is one of the {kind} to be read", file=name)
         taken.add(place)
         check_output(name, no_clobber=no_clobber)
+
+
+def check_inputs(inputs: Iterable[str]) -> None:
+    """Say early what is wrong with all the files that a run reads.
+
+    Raises:
+        click.UsageError: two of them are standard input.
+    """
+    if list(inputs).count("-") > 1:
+        raise click.UsageError("Two inputs cannot both be standard input.")
 
 
 def read_files(inputs: Iterable[str]) -> list[Path]:

@@ -48,8 +48,6 @@ def load_comparison(
     if len(files) != wanted:
         expected = "PERCEPTION alone, with --database" if database else "MAP and PERCEPTION"
         raise click.UsageError(f"Expected {expected}; got {len(files)} of them.")
-    if [*files, database].count("-") > 1:
-        raise click.UsageError("Only one of the files can be standard input.")
     read = DigestingReader()
     name = files[-1]
     perception = read_perception(read(Path(name)), name, low)

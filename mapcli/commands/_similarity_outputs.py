@@ -31,12 +31,13 @@ from mapcli.formats.documents.similarity_table import (
     csv_text,
     markdown_lines,
     pose_content,
+    rounded,
     table_bytes,
     window_bytes,
 )
 from mapcli.model.local_maxima import WindowScores
 from mapcli.model.pose import Pose2D
-from mapcli.model.similarity import ScoredCandidate, SimilarityTable
+from mapcli.model.similarity import ScoredCandidate, SimilarityTable, TableSummary
 from mapcli.model.world import World
 
 Floats = NDArray[np.float64]
@@ -71,6 +72,28 @@ class Answer:
             return "step"
         return "unit" if isinstance(self.loaded.comparison, LandmarksOnMap) else "cell"
 
+    def summary(self) -> TableSummary:
+        """What the scores say, in numbers."""
+        table, best = self.table, self.best
+        maxima = self.scores.maxima if self.scores else None
+        found = TableSummary(
+            candidates=int(table.comparable().sum()),
+            ties=maxima.plateau - 1 if maxima else max(len(table.winners()) - 1, 0),
+            at_border=maxima is not None and maxima.at_border,
+        )
+        if best is None:
+            return found
+        second = maxima.second if maxima else table.runner_up()
+        intended, pose = self.loaded.comparison.intended(), best.pose
+        return replace(
+            found,
+            score=rounded(best.score),
+            overlap=best.overlap,
+            margin=None if second is None else rounded(abs(best.score - second.score)),
+            distance=rounded(intended.distance(pose)) if intended and pose else None,
+            turn_deg=rounded(best.turn_deg),
+        )
+
     def located(self) -> list[dict[str, Any]]:
         """Where sightings are, from the best pose and from the intended one (Activity 9.4)."""
         places = {
@@ -92,15 +115,16 @@ class Answer:
     def json(self) -> bytes:
         digests = self.loaded.digests
         parameters: dict[str, Any] = asdict(self.scoring)
+        summary = self.summary()
         if self.scores is not None:
             assert self.window is not None
             parameters["window"] = asdict(self.window)
-            return window_bytes(self.table, self.scores, digests, parameters)
+            return window_bytes(self.table, self.scores, summary, digests, parameters)
         intended = self.loaded.comparison.intended()
         extra: dict[str, Any] = {"intended": intended and pose_content(intended)}
         if self.sightings:
             extra["located"] = self.located()
-        return table_bytes(self.table, digests, parameters, extra)
+        return table_bytes(self.table, summary, digests, parameters, extra)
 
     def text(self, form: str) -> str:
         """The table as json, csv or markdown."""

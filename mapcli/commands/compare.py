@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from mapcli import load_map
-from mapcli.commands._limit_option import LimitType
+from mapcli.commands._limit_option import limit_option
 from mapcli.commands._map_operations import hashing, motion_words
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import (
@@ -22,7 +22,7 @@ from mapcli.commands._say import say, warn
 from mapcli.formats.output import output_set
 from mapcli.model.comparison import LIMIT_FIELDS, STATES, Comparison
 from mapcli.model.grid import OCCUPIED_THRESHOLD
-from mapcli.model.summary import Limit
+from mapcli.model.limit import Limit
 
 
 @click.command(short_help="Compare two maps: cells, overlap, walls.")
@@ -37,11 +37,7 @@ from mapcli.model.summary import Limit
 @click.option(
     "--json", "json_file", metavar="F", type=FILE, help="Write it as JSON; - is standard output."
 )
-@click.option(
-    "--fail-if", "limits", type=LimitType(LIMIT_FIELDS, "iou_occupied<0.5"),
-    multiple=True,
-    help="Exit with 3 if this holds; a field of the JSON, such as 'iou_occupied<0.5'. Repeatable.",
-)  # fmt: skip
+@limit_option(LIMIT_FIELDS, "iou_occupied<0.5")
 @dialect_option
 @no_clobber_option
 @common_options
@@ -69,8 +65,6 @@ def command(
     """
     from mapcli import compare
 
-    if a == b == "-":
-        raise click.UsageError("A and B cannot both be standard input.")
     outputs = [name for name in (png, json_file) if name]
     check_outputs(outputs, (a, b), "maps", no_clobber=no_clobber)
     digests: dict[str, str] = {}

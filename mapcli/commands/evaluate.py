@@ -12,7 +12,7 @@ import click
 from mapcli.algorithms.evaluation.trajectory_error import EvaluateParameters
 from mapcli.commands._evaluate_report import report_lines
 from mapcli.commands._evaluate_run import EvaluateRun, Files
-from mapcli.commands._limit_option import LimitType
+from mapcli.commands._limit_option import limit_option
 from mapcli.commands._log_options import LogInput, log_input_options
 from mapcli.commands._options import (
     FILE,
@@ -24,10 +24,22 @@ from mapcli.commands._options import (
 from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say_lines
 from mapcli.formats.output import output_set
-from mapcli.model.evaluation import all_limit_fields, limit_fields
-from mapcli.model.summary import Limit
+from mapcli.model.evaluation import (
+    ALL_MEASURES,
+    COUNTS,
+    LIMIT_FIELDS,
+    STATISTICS,
+    names_of_limits,
+)
+from mapcli.model.limit import Limit
 
 DEFAULTS = EvaluateParameters()
+
+LISTED_FIELDS = (
+    f"{', '.join(COUNTS)}, and {'_, '.join(ALL_MEASURES)}_ followed by {', '.join(STATISTICS)} "
+    f"(metres) or by rot_{STATISTICS[0]} and so on (degrees)"
+)
+"""For the help: one by one they are fifty."""
 
 
 class DeltaType(click.ParamType[Any]):
@@ -68,9 +80,7 @@ class DeltaType(click.ParamType[Any]):
 @click.option("--json", "json_file", metavar="F", type=FILE,
               help="Everything as JSON; - is standard output.")  # fmt: skip
 @click.option("--png", metavar="F", type=FILE, help="Both paths, and the errors over time.")
-@click.option("--fail-if", "limits", multiple=True,
-              type=LimitType(all_limit_fields(), "ate_rmse>0.2"), help="Exit with 3 when this "
-              "holds, e.g. ate_rmse>0.2. Repeatable.")  # fmt: skip
+@limit_option(LIMIT_FIELDS, "ate_rmse>0.2", LISTED_FIELDS)
 @log_input_options
 @no_clobber_option
 @common_options
@@ -88,9 +98,6 @@ def command(
     the difference of motions over --delta. A REFERENCE that ends in .relations (or
     .relations.gz) holds relations as of Kuemmerle et al. 2009. --self-check is for logs without
     any truth; the log options below are about its log, or that of --odometry.
-
-    --fail-if knows matched, total, matched_share, and ate_, rpe_, relations_ or self_check_
-    followed by rmse, mean, median, std, min, max (metres) or rot_rmse and so on (degrees).
 
     \b
     Examples:
@@ -134,9 +141,7 @@ def _check_usage(files: Files, limits: Iterable[Limit]) -> None:
         raise click.UsageError("Give either a REFERENCE or --self-check LOG.")
     if files.odometry is not None and files.kind != "relations":
         raise click.UsageError("--odometry is for a REFERENCE that ends in .relations.")
-    if files.inputs().count("-") > 1:
-        raise click.UsageError("Only one input can be standard input.")
-    known = limit_fields(files.kind)
+    known = names_of_limits(files.kind)
     for limit in limits:
         if limit.field not in known:
             listed = ", ".join(known)

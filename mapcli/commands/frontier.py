@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import click
@@ -28,6 +28,7 @@ from mapcli.commands._frontier_report import (
     plan_lines,
     summary_lines,
 )
+from mapcli.commands._limit_option import limit_option
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import (
     CELL,
@@ -40,8 +41,9 @@ from mapcli.commands._options import (
 )
 from mapcli.commands._say import say, say_lines
 from mapcli.errors import DataError
-from mapcli.model.exploration import Exploration
+from mapcli.model.exploration import LIMIT_FIELDS, Exploration
 from mapcli.model.grid import GridMap
+from mapcli.model.limit import Limit
 
 USUAL = ExplorationParameters()
 
@@ -82,14 +84,16 @@ USUAL = ExplorationParameters()
 @click.option("--map", "map_", metavar="F", type=FILE,
               help="The map as explored: .txt, .yaml (with its image), .pgm, .png.")  # fmt: skip
 @click.option("--curve", metavar="F", type=FILE, help="Coverage over distance: .csv, .png.")
+@limit_option(LIMIT_FIELDS, "coverage<0.95")
 @dialect_option
 @no_clobber_option
 @common_options
 def command(
     world: str, known: str | None, cells: tuple[Any, ...], points: tuple[Any, ...],
     strategies: tuple[Any, ...], connectivity: str, plan: bool, json: str | None,
-    png: str | None, gif: str | None, map_: str | None, curve: str | None, dialect: Any,
-    no_clobber: bool, quiet: bool, verbose: bool, **parameters: Any,
+    png: str | None, gif: str | None, map_: str | None, curve: str | None,
+    limits: tuple[Limit, ...], dialect: Any, no_clobber: bool, quiet: bool, verbose: bool,
+    **parameters: Any,
 ) -> None:  # fmt: skip
     """Explore WORLD, a map that stands in for the environment, with Algorithm 9.1.
 
@@ -102,6 +106,7 @@ def command(
       mapcli frontier fixtures/fig9_9.txt --known fixtures/fig9_4.txt --robot 5,9 --png fig9_9.png
       mapcli frontier depot.yaml --robot-xy 0,0 --sensor-range 100 --json trace.json --gif run.gif
       mapcli frontier fig9_9.txt --robot 7,4 --strategy nearest --strategy priority --curve -
+      mapcli frontier -q map.yaml --robot-xy 0,0 --fail-if 'coverage<0.95'
     """
     outputs = ExploreOutputs(json, png, gif, map_, curve)
     chosen = tuple(dict.fromkeys(strategies))
@@ -120,6 +125,10 @@ def command(
         _say(runs, outputs, plan=plan)
     for name in written if verbose else ():
         say(f"written: {name}")
+    for run, made in runs.items():
+        name = mission.source if len(runs) == 1 else f"{mission.source} ({run.strategy})"
+        for limit in limits:
+            limit.check(asdict(made.summary), name)
 
 
 def explored(

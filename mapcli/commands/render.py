@@ -54,8 +54,6 @@ def command(
     from mapcli import load_map, render
     from mapcli.formats.documents.pose_trace import load_trace_poses
 
-    if source == trace == "-":
-        raise click.UsageError("MAP and --trace cannot both be standard input.")
     inputs = [source, *filter(None, [trace])]
     check_outputs([png], inputs, "inputs", no_clobber=no_clobber)
     loaded = load_map(source, dialect=dialect)

@@ -19,6 +19,7 @@ from mapcli.algorithms.similarity.comparisons import (
     score_comparison,
 )
 from mapcli.algorithms.similarity.measures import SIMILARITIES
+from mapcli.commands._limit_option import limit_option
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import (
     FILE,
@@ -38,6 +39,8 @@ from mapcli.errors import DataError
 from mapcli.formats.maps.save import SUFFIXES
 from mapcli.formats.output import output_set
 from mapcli.model.grid import OCCUPIED_THRESHOLD
+from mapcli.model.limit import Limit
+from mapcli.model.similarity import LIMIT_FIELDS
 
 FORMATS = ("table", "json", "csv", "markdown")
 
@@ -67,23 +70,24 @@ USUAL_WINDOW = CandidateWindow(0.0, 15.0)
               "[default: a cell]")  # fmt: skip
 @click.option("--step-theta-deg", type=Number(0.01, 90), default=USUAL_WINDOW.step_theta_deg,
               show_default=True, help="Between its headings.")  # fmt: skip
-@click.option("--format", "form", type=click.Choice(FORMATS), default=FORMATS[0],
-              show_default=True, help="What is printed.")  # fmt: skip
+@click.option("--format", "form", type=click.Choice(FORMATS), help="What is printed, with -q too.  "
+              f"[default: {FORMATS[0]}, and nothing with -q]")  # fmt: skip
 @click.option("--json", metavar="F", type=FILE, help="The table as JSON; - is standard output, "
               "here as everywhere.")  # fmt: skip
 @click.option("--png", metavar="F", type=FILE, help="A picture: the map, the best perception and "
               "their product; of a window, the scores.")  # fmt: skip
 @click.option("--update", metavar="F", type=FILE, help="The map with the best perception written "
               "into it; a points map gets the points of --locate.")  # fmt: skip
+@limit_option(LIMIT_FIELDS, "ties>0")
 @dialect_option
 @no_clobber_option
 @common_options
 def command(
     files: tuple[str, ...], similarity: Any, low: float, bearing_weight: float,
     database: str | None, sightings: tuple[Any, ...], window_xy: float | None,
-    window_theta_deg: float | None, step_xy: float | None, step_theta_deg: float, form: str,
-    json: str | None, png: str | None, update: str | None, dialect: Any, no_clobber: bool,
-    quiet: bool, verbose: bool,
+    window_theta_deg: float | None, step_xy: float | None, step_theta_deg: float,
+    form: str | None, json: str | None, png: str | None, update: str | None,
+    limits: tuple[Limit, ...], dialect: Any, no_clobber: bool, quiet: bool, verbose: bool,
 ) -> None:  # fmt: skip
     """Score every candidate pose of PERCEPTION against MAP and name the best.
 
@@ -117,10 +121,11 @@ def command(
           --locate 3.162,-3.435
       mapcli similarity-table map.yaml scan.yaml --window-xy 1 --window-theta-deg 10 --png heat.png
       mapcli similarity-table --database database.yaml measured.yaml
+      mapcli similarity-table -q map.yaml scan.yaml --fail-if 'ties>0' --fail-if 'distance>0.2'
     """
     window = _window(window_xy, window_theta_deg, step_xy, step_theta_deg)
     outputs = [name for name in (json, png, update) if name]
-    if form != "table" and "-" in outputs:
+    if form not in (None, FORMATS[0]) and "-" in outputs:
         raise click.UsageError("Two results cannot both be written to standard output.")
     check_outputs(outputs, [*files, *filter(None, [database])], "inputs", no_clobber=no_clobber)
     loaded = load_comparison(files, database, dialect, low)
@@ -132,7 +137,8 @@ def command(
         answer = Answer(loaded, scoring, table, sightings)
         if window is not None:
             answer = window_answer(answer, window)
-        _print(answer, form, quiet=quiet, to_stderr="-" in outputs)
+        shown = form or (None if quiet else FORMATS[0])
+        _print(answer, shown, quiet=quiet, to_stderr="-" in outputs)
         with output_set(no_clobber=no_clobber) as results:
             if json:
                 results.write(json, answer.json())
@@ -142,6 +148,8 @@ def command(
                 results.write_beside(update, updated_map(update, answer))
     for name in outputs if verbose else ():
         say(f"written: {name}")
+    for limit in limits:
+        limit.check(answer.summary().values(lower=answer.table.lower), loaded.perception)
 
 
 @contextmanager
@@ -154,12 +162,12 @@ def _naming(perception: str) -> Iterator[None]:
         raise
 
 
-def _print(answer: Answer, form: str, *, quiet: bool, to_stderr: bool) -> None:
-    """The table in the form asked for, and what to know about it."""
-    if form != "table":
-        click.echo(answer.text(form), nl=False)
-    elif not quiet:
+def _print(answer: Answer, form: str | None, *, quiet: bool, to_stderr: bool) -> None:
+    """The table in the form asked for, if one was, and what to know about it."""
+    if form == FORMATS[0]:
         say_lines(report_lines(answer), err=to_stderr)
+    elif form is not None:
+        click.echo(answer.text(form), nl=False)
     for text in () if quiet else answer.loaded.warnings:
         say(f"Warning: {text}")
     for text in () if quiet else notes(answer):

@@ -131,8 +131,6 @@ def _check_usage(
         raise click.UsageError(f"Missing {missing} (or add --mow to mow a lawn).")
     if not mow and (given["landmarks"] or given["png"] or given["json"]):
         raise click.UsageError("--landmarks, --png and --json are for --mow.")
-    if world == path == "-":
-        raise click.UsageError("WORLD and --path cannot both be standard input.")
 
 
 def _tour(world: World | GridMap, limits: MotionLimits, given: dict[str, Any]) -> list[Waypoint]:

@@ -16,7 +16,7 @@ from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.match import MatchParameters
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
-from mapcli.commands._limit_option import LimitType
+from mapcli.commands._limit_option import limit_option
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._options import (
     FILE,
@@ -28,6 +28,7 @@ from mapcli.commands._options import (
     common_options,
     no_clobber_option,
 )
+from mapcli.commands._output import check_inputs
 from mapcli.commands._replay import effective_parameters, replay_log
 from mapcli.commands._replay_outputs import (
     ReplayOutputs,
@@ -45,9 +46,10 @@ from mapcli.commands._say import say, warn
 from mapcli.errors import DataError
 from mapcli.formats.input import DigestingReader
 from mapcli.formats.maps.load import LoadedMap
+from mapcli.model.limit import Limit
 from mapcli.model.pose import Pose2D
 from mapcli.model.reason import DESCRIPTIONS
-from mapcli.model.summary import Limit
+from mapcli.model.summary import LIMIT_FIELDS
 
 MAP, MATCH, PERCEPTION = MapParameters(), MatchParameters(), PerceptionParameters()
 
@@ -106,9 +108,7 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
               "[default: 0,0,0; in a known map it is searched for]")  # fmt: skip
 @click.option("--localize", is_flag=True, help="Find the poses in the known map, and leave it as "
               "it is.")  # fmt: skip
-@click.option("--fail-if", "limits", type=LimitType(), multiple=True,
-              help="Exit with 3 when this holds for the summary, e.g. used_share<0.95. "
-              "Repeatable.")  # fmt: skip
+@limit_option(LIMIT_FIELDS, "verdict!=good")
 @click.option("--save-perception", "saved", metavar="N", type=click.IntRange(0), multiple=True,
               help="Write scan N (from 0) with its estimated pose into the folder, as "
               "perception-N.yaml for `mapcli similarity-table`. Repeatable.")  # fmt: skip
@@ -140,6 +140,7 @@ def command(
         outputs = ReplayOutputs(**{**usual, **named})
     if localize and not known:
         raise click.UsageError("--localize needs --known, the map to find the poses in.")
+    check_inputs([*logs, *filter(None, [known])])
     files = perception_files(folder or default_folder(logs[0]), saved)
     read = DigestingReader()
     base = load_map(known, read=read) if known else None

@@ -25,7 +25,7 @@ from mapcli.commands._options import (
     common_options,
     no_clobber_option,
 )
-from mapcli.commands._output import check_outputs
+from mapcli.commands._output import check_inputs, check_outputs
 from mapcli.commands._say import say
 from mapcli.formats.maps.dialects import DIALECTS
 from mapcli.formats.maps.map_image import MODES
@@ -176,9 +176,8 @@ def _check(
     results = [target, *(trace or ())[1:], *([json_file] if json_file else [])]
     if len(set(results)) < len(results):
         raise click.UsageError("Two results cannot both be written to one file.")
-    if trace and trace[0] == source == "-":
-        raise click.UsageError("IN and --trace cannot both be standard input.")
     # IN may be OUT; its image is looked after when the map is written.
     inputs = [*merged, *(trace or ())[:1]]
+    check_inputs([source, *inputs])
     check_outputs(results, inputs, "inputs", no_clobber=no_clobber)
     check_outputs(results[1:], [source], "inputs", no_clobber=no_clobber)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mapcli.model.limit import limit_fields
 from mapcli.model.pose import Pose2D
 
 FREE, OCCUPIED, UNKNOWN = range(3)
@@ -94,5 +95,5 @@ _NOTHING = Comparison(
     np.zeros((3, 3), np.int64), np.zeros((0, 0), np.uint8), 1.0, np.empty(0), np.empty(0)
 )
 
-LIMIT_FIELDS = tuple(_NOTHING.document())
+LIMIT_FIELDS = limit_fields(_NOTHING.document())
 """The numbers that limits may be set on."""

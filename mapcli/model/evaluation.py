@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mapcli.model.limit import limit_fields
 from mapcli.model.pose import IDENTITY, Pose2D
 from mapcli.model.trajectory import Poses, Relations, Trajectory, between
 
@@ -21,7 +22,9 @@ MEASURES: dict[Kind, tuple[str, ...]] = {
 }
 """What is measured against each kind of reference; the start of the fields' names."""
 
-STATISTICS = ("rmse", "mean", "median", "std", "min", "max")
+COUNTS = "matched", "total", "matched_share"
+ALL_MEASURES = tuple(measure for measures in MEASURES.values() for measure in measures)
+STATISTICS = "rmse", "mean", "median", "std", "min", "max"
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,15 +120,16 @@ class Evaluation:
         return counts
 
 
-def limit_fields(kind: Kind) -> tuple[str, ...]:
+def names_of_limits(kind: Kind) -> tuple[str, ...]:
     """The numbers that limits may be set on, against a reference of this kind."""
-    fields = ["matched", "total", "matched_share"]
-    for measure in MEASURES[kind]:
-        fields += [f"{measure}_{name}" for name in STATISTICS]
-        fields += [f"{measure}_rot_{name}" for name in STATISTICS]
-    return tuple(fields)
+    of_statistics = (
+        f"{measure}_{turn}{name}"
+        for measure in MEASURES[kind]
+        for turn in ("", "rot_")
+        for name in STATISTICS
+    )
+    return (*COUNTS, *of_statistics)
 
 
-def all_limit_fields() -> tuple[str, ...]:
-    """The same for all kinds together."""
-    return tuple(dict.fromkeys(field for kind in MEASURES for field in limit_fields(kind)))
+LIMIT_FIELDS = limit_fields(field for kind in MEASURES for field in names_of_limits(kind))
+"""The same for all kinds together."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal, get_args, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.model.grid import GridMap
+from mapcli.model.limit import limit_fields
 
 Cell = tuple[int, int]
 """(row, column)."""
@@ -20,6 +21,8 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 Reason = Literal["complete", "unreachable", "max-steps", "max-distance", "coverage", "plan"]
 """Why it ended: no frontier was left, or none that a robot could reach, or a limit, or nobody
 was to move."""
+
+REASONS: tuple[Reason, ...] = get_args(Reason)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +150,10 @@ class ExplorationSummary:
     unreachable: int
     corrected: int = 0
     not_home: int = 0
+
+
+LIMIT_FIELDS = limit_fields((field.name for field in fields(ExplorationSummary)), reason=REASONS)
+"""What limits may be set on."""
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapcli.model.limit import limit_fields
 from mapcli.model.pose import Pose2D
 
 INTENDED = "intended"
@@ -99,3 +101,46 @@ class SimilarityTable:
         scores = np.where(able, self.ascending_scores(), -np.inf)
         row, column = np.unravel_index(int(np.argmax(scores)), scores.shape)
         return self[int(row), int(column)]
+
+
+@dataclass(frozen=True)
+class TableSummary:
+    """What a table, or the scores of a window, say in numbers.
+
+    Attributes:
+        candidates: poses that could be compared.
+        score: of the best one; None when nothing can be concluded.
+        overlap: cells or readings that it compares.
+        ties: others that score the same.
+        margin: by which the best beats the next one, or the next peak of a window; None if there
+            is no other.
+        distance: of the best from the intended pose, in the map's unit; None where poses are not
+            known.
+        turn_deg: its heading from the intended one, degrees counter-clockwise.
+        at_border: it lies at the border of a window, so that the true one may be outside.
+    """
+
+    candidates: int
+    score: float | None = None
+    overlap: int = 0
+    ties: int = 0
+    margin: float | None = None
+    distance: float | None = None
+    turn_deg: float | None = None
+    at_border: bool = False
+
+    def values(self, *, lower: bool) -> dict[str, float]:
+        """What limits may be set on; what there is no number for is infinitely bad.
+
+        Args:
+            lower: lower scores are better.
+        """
+        missing = {"score": math.inf if lower else -math.inf, "margin": 0.0}
+        return {
+            name: missing.get(name, math.inf) if value is None else float(value)
+            for name, value in asdict(self).items()
+        }
+
+
+LIMIT_FIELDS = limit_fields(field.name for field in fields(TableSummary))
+"""What limits may be set on."""

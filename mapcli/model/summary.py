@@ -1,14 +1,12 @@
-"""What became of a log's scans: the end report of a replay, and limits on it."""
+"""What became of a log's scans: the end report of a replay."""
 
 from __future__ import annotations
 
-import operator
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from mapcli.errors import DataError, QualityError
+from mapcli.model.limit import limit_fields
 from mapcli.model.reason import VERDICTS, Reason, Verdict
 from mapcli.model.sweep_summary import SweepSummary
 
@@ -111,83 +109,8 @@ class ReplaySummary:
 
 
 NOTHING = ReplaySummary(0, 0, 0, 0, {}, 0.0, 0.0, 0, None, 0, 0, 0, {}, interrupted=False)
-LIMIT_FIELDS = tuple(NOTHING.values())
-"""What `--fail-if` can be about."""
+LIMIT_FIELDS = limit_fields(NOTHING.values(), verdict=VERDICTS)
+"""What limits may be set on."""
 
-WORDS: dict[str, Sequence[str]] = {"verdict": VERDICTS}
-"""Of these, those whose values are words, and which."""
-
-COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
-    "<=": operator.le,
-    ">=": operator.ge,
-    "==": operator.eq,
-    "!=": operator.ne,
-    "<": operator.lt,
-    ">": operator.gt,
-}
-
-
-@dataclass(frozen=True, slots=True)
-class Limit:
-    """One comparison of `--fail-if`: fail when `field` compares so to `value`."""
-
-    field: str
-    comparison: str
-    value: float | str
-
-    @classmethod
-    def parse(
-        cls, text: str, fields: Sequence[str] = LIMIT_FIELDS, example: str = "used_share<0.95"
-    ) -> Limit:
-        """`used_share<0.95`, about one of these fields.
-
-        Raises:
-            DataError: not of that form, or about nothing that the summary has.
-        """
-        match = re.fullmatch(r"\s*(\w+)\s*(<=|>=|==|!=|<|>)\s*([-+.\w]+)\s*", text)
-        if match is None:
-            raise DataError(f"{text!r}", expected=f"a limit such as '{example}'")
-        name, comparison, value = match.groups()
-        if name not in fields:
-            expected = f"one of {', '.join(fields)}"
-            raise DataError(f"{text!r}: no {name!r} in the summary", expected=expected)
-        if name not in WORDS:
-            return cls(name, comparison, _number(value, text, example))
-        if comparison not in ("==", "!="):
-            expected = f"{name}== or {name}!=, since its values are words"
-            raise DataError(f"{text!r}", expected=expected)
-        if value not in WORDS[name]:
-            raise DataError(f"{text!r}", expected=f"one of {', '.join(WORDS[name])}")
-        return cls(name, comparison, value)
-
-    def check(self, values: Mapping[str, float | str], name: str) -> None:
-        """Fail if the limit is not met.
-
-        Raises:
-            QualityError: the comparison holds.
-        """
-        found = values[self.field]
-        if COMPARISONS[self.comparison](found, self.value):
-            raise QualityError(
-                f"{self.field} is {_shown(found)}",
-                file=name,
-                expected=f"not {self.field}{self.comparison}{_shown(self.value)} (--fail-if)",
-            )
-
-
-def _number(text: str, limit: str, example: str) -> float:
-    """A number of a limit.
-
-    Raises:
-        DataError: it is none.
-    """
-    try:
-        if not re.fullmatch(r"[-+.\deE]+", text):
-            raise ValueError
-        return float(text)
-    except ValueError:
-        raise DataError(f"{limit!r}", expected=f"a limit such as '{example}'") from None
-
-
-def _shown(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
+OF_THIS_RUN = "seconds", "times_real_time"
+"""Of these, those that depend on the machine; no file has them."""

@@ -203,7 +203,7 @@ def test_odometry_between_scans(capsys: pytest.CaptureFixture[str]) -> None:
         ("found.txt", "Give either a REFERENCE or --self-check LOG."),
         ("found.txt truth.txt --self-check a.mcap", "Give either a REFERENCE or --self-check LOG."),
         ("found.txt truth.txt --odometry a.mcap", "--odometry is for a REFERENCE that ends in"),
-        ("- -", "Only one input can be standard input."),
+        ("- -", "Two inputs cannot both be standard input."),
         ("found.txt truth.txt --delta 0", "'0' is not of the form 10f (poses) or 2m (metres)."),
         ("found.txt truth.txt --delta 1.5f", "'1.5f' is not of the form"),
         ("found.txt truth.txt --fail-if ate>1", "no 'ate' in the summary; expected one of matched"),

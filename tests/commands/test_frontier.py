@@ -301,3 +301,18 @@ def test_a_large_map_takes_eight_bytes_a_cell(tmp_path: Path) -> None:
             peak_bytes("frontier", str(tmp_path / f"{side}.pgm"), "--robot", "20,20", *options)
         )
     assert peaks[1] - peaks[0] < 8 * 5000**2
+
+
+def test_limits(capsys: pytest.CaptureFixture[str]) -> None:
+    """The run of Fig. 9.9 is complete after 28 steps."""
+    kept = ("--fail-if", "steps>28", "--fail-if", "reason!=complete", "--fail-if", "coverage<1")
+    assert frontier(*BOOK, "-q", *kept) == 0
+    assert frontier(*BOOK, "-q", "--max-steps", "3", "--json", "t.json", *kept[2:]) == 3
+    expected = f"{WORLD}: reason is max-steps; expected not reason!=complete (--fail-if)"
+    assert capsys.readouterr().err == f"Error: {expected}\n"
+    assert Path("t.json").exists()
+    two = ("--strategy", "nearest", "--strategy", "priority", "--fail-if", "steps<29")
+    assert frontier(*BOOK, "-q", *two) == 3
+    assert f"{WORLD} (nearest): steps is 28" in capsys.readouterr().err
+    assert frontier(*BOOK, "--fail-if", "reason==done") == 2
+    assert "one of complete, unreachable, max-steps" in capsys.readouterr().err

@@ -451,3 +451,51 @@ def test_a_laser_off_the_robots_centre(table: Table) -> None:
                               .replace("turns_deg: [0, -15, 15]\n", ""))  # fmt: skip
     # At the intended heading the laser is where it is in the table's first entry.
     assert table(CORNER, "p.yaml")["values"] == [[47]]
+
+
+# --- Limits and pipelines
+
+
+def test_limits(capsys: Capture, table: Table) -> None:
+    """The robot of Sect. 9.5 is in the intended cell, turned by 15 degrees; 59 beats 47."""
+    summary = table(CORNER, SCAN)["summary"]
+    assert summary == {
+        "candidates": 15, "score": 59, "overlap": 59, "ties": 0, "margin": 12, "distance": 0,
+        "turn_deg": -15, "at_border": False,
+    }  # fmt: skip
+    arguments = ("similarity-table", "-q", CORNER, SCAN)
+    assert run(*arguments, "--fail-if", "ties>0", "--fail-if", "margin<12") == 0
+    assert run(*arguments, "--fail-if", "turn_deg!=0") == 3
+    expected = f"{SCAN}: turn_deg is -15; expected not turn_deg!=0 (--fail-if)"
+    assert capsys.readouterr().err == f"Error: {expected}\n"
+
+
+def test_limits_on_a_window(table: Table) -> None:
+    summary = table(CORNER, SCAN, "--window-xy", "1")["summary"]
+    assert summary["ties"] == 5  # six headings score 59
+    assert summary["margin"] == 12
+    assert not summary["at_border"]
+
+
+@pytest.mark.parametrize("similarity", ["product", "l1"])
+def test_where_nothing_can_be_concluded_no_limit_on_the_score_is_met(similarity: str) -> None:
+    Path("hall.txt").write_text("\n".join(["0 " * 11] * 11))
+    Path("here.yaml").write_text(
+        "kind: scan\npose: {cell: [5, 5], heading_deg: 90}\nrange_max: 2\nbeams: [[0, null]]\n"
+        "no_return: clear\nturns_deg: [0]\n"
+    )
+    arguments = ("similarity-table", "-q", "hall.txt", "here.yaml", "--similarity", similarity)
+    limits = {"product": "score<-1000", "l1": "score>1000"}[similarity], "distance>9", "margin<=0"
+    for limit in limits:
+        assert run(*arguments, "--fail-if", limit) == 3, limit
+
+
+@pytest.mark.parametrize("form", ["table", "json", "csv", "markdown"])
+def test_quiet_prints_what_was_asked_for_and_nothing_else(capsys: Capture, form: str) -> None:
+    assert run("similarity-table", CORNER, SCAN, "--format", form) == 0
+    loud = capsys.readouterr()
+    assert run("similarity-table", "-q", CORNER, SCAN, "--format", form) == 0
+    assert capsys.readouterr() == (loud.out, "")
+    assert loud.out
+    assert run("similarity-table", "-q", CORNER, SCAN) == 0
+    assert capsys.readouterr() == ("", "")

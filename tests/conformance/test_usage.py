@@ -95,3 +95,17 @@ def test_all_streams_closed(kit: Path, tmp_path: Path, monkeypatch: pytest.Monke
     assert done.returncode == 0, FIRST[done.returncode - 1].command
     written = {slot.name for example in FIRST for slot in example.slots if slot.written}
     assert written <= set(os.listdir(tmp_path)) - before | {"image.pgm"}
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["frontier - --known - --robot 1,1", "similarity-table - -", "similarity-table --database - -",
+     "compare - -", "evaluate - -", "evaluate - --self-check -", "info - -", "slam-replay - -",
+     "slam-replay - --known -", "import - - out.mcap", "render - --png out.png --trace -",
+     "simulate - out.mcap --path -", "transform - out.yaml --merge -",
+     "transform - out.yaml --crop known --trace - out.json"],
+)  # fmt: skip
+def test_two_inputs_on_standard_input(line: str, sandbox: Sandbox) -> None:
+    ran = sandbox.run(*line.split())
+    assert is_wrong_usage(ran)
+    assert "Two inputs cannot both be standard input." in ran.err

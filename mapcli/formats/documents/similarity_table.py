@@ -4,7 +4,8 @@
 where there is no score), `overlap` (cells or readings compared), `best` (null when nothing can be
 concluded), `ties` (the others that score the same), `intended` and, on request, `located`. Of a
 window, `rows` and `columns` are steps up and to the right in the map's unit and `values` the best
-score of all headings there, and `peak`, `second_peak` and `covariance` are added.
+score of all headings there, and `peak`, `second_peak` and `covariance` are added. `summary` has
+the numbers that limits may be set on. Every field: `schemas/similarity-table.json`.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import csv
 import io
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -21,7 +23,7 @@ from numpy.typing import NDArray
 from mapcli.formats.documents.json_document import document, json_bytes
 from mapcli.model.local_maxima import WindowScores
 from mapcli.model.pose import Pose2D
-from mapcli.model.similarity import INTENDED, ScoredCandidate, SimilarityTable
+from mapcli.model.similarity import INTENDED, ScoredCandidate, SimilarityTable, TableSummary
 
 SIMILARITY_TABLE = "mapcli.similarity-table"
 
@@ -110,11 +112,12 @@ def csv_text(rows: Sequence[Any], columns: Sequence[Any], values: NDArray[np.flo
 
 
 def _plain(value: Any) -> str:
-    return value if isinstance(value, str) else repr(_rounded(float(value)))
+    return value if isinstance(value, str) else repr(rounded(float(value)))
 
 
 def table_bytes(
     table: SimilarityTable,
+    summary: TableSummary,
     inputs: Mapping[str, str],
     parameters: Mapping[str, Any],
     extra: Mapping[str, Any],
@@ -126,12 +129,13 @@ def table_bytes(
         "similarity": table.similarity,
         "better": "lower" if table.lower else "higher",
         "rows": list(table.rows),
-        "columns": [_rounded(turn) for turn in table.columns],
+        "columns": [rounded(turn) for turn in table.columns],
         "values": [[_value(v) for v in row] for row in table.values.tolist()],
         "overlap": table.overlap.tolist(),
         "best": scored(best),
         "ties": [scored(other) for other in others],
         **extra,
+        "summary": asdict(summary),
     }
     return json_bytes(document(SIMILARITY_TABLE, inputs, parameters, content))
 
@@ -139,6 +143,7 @@ def table_bytes(
 def window_bytes(
     table: SimilarityTable,
     scores: WindowScores,
+    summary: TableSummary,
     inputs: Mapping[str, str],
     parameters: Mapping[str, Any],
 ) -> bytes:
@@ -148,17 +153,18 @@ def window_bytes(
     content = {
         "similarity": table.similarity,
         "better": "lower" if table.lower else "higher",
-        "rows": [_rounded(step) for step in along[::-1]],
-        "columns": [_rounded(step) for step in along],
+        "rows": [rounded(step) for step in along[::-1]],
+        "columns": [rounded(step) for step in along],
         "values": [[_value(v) for v in row] for row in scores.surface.tolist()],
-        "turns_deg": [_rounded(turn) for turn in table.columns],
+        "turns_deg": [rounded(turn) for turn in table.columns],
         "best": scored(maxima.peak),
         "peak": scored(maxima.peak),
         "plateau": maxima.plateau,
         "at_border": maxima.at_border,
         "second_peak": second,
-        "second_share": None if maxima.second_share is None else _rounded(maxima.second_share),
+        "second_share": None if maxima.second_share is None else rounded(maxima.second_share),
         "covariance": [[float(f"{v:.6g}") for v in row] for row in maxima.covariance.tolist()],
+        "summary": asdict(summary),
     }
     return json_bytes(document(SIMILARITY_TABLE, inputs, parameters, content))
 
@@ -169,7 +175,7 @@ def scored(candidate: ScoredCandidate | None) -> dict[str, Any] | None:
         return None
     return {
         "position": candidate.position,
-        "turn_deg": _rounded(candidate.turn_deg),
+        "turn_deg": rounded(candidate.turn_deg),
         "pose": None if candidate.pose is None else pose_content(candidate.pose),
         "score": _value(candidate.score),
         "overlap": candidate.overlap,
@@ -177,14 +183,14 @@ def scored(candidate: ScoredCandidate | None) -> dict[str, Any] | None:
 
 
 def pose_content(pose: Pose2D) -> dict[str, float]:
-    return {name: _rounded(getattr(pose, name)) for name in ("x", "y", "theta")}
+    return {name: rounded(getattr(pose, name)) for name in ("x", "y", "theta")}
 
 
 def _value(value: float) -> float | None:
-    return None if math.isnan(value) else _rounded(value)
+    return None if math.isnan(value) else rounded(value)
 
 
-def _rounded(value: float) -> float:
+def rounded(value: float) -> float:
     """Six decimals, whole numbers as int; 0.0 instead of -0.0."""
     rounded = round(float(value), 6) + 0.0
     return int(rounded) if rounded.is_integer() else rounded
