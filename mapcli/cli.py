@@ -31,6 +31,7 @@ COMMANDS = {
     "rasterize": "Turn polygons into a grid map (Sect. 9.1).",
     "vectorize": "Turn the obstacles of a grid map into polygons (Sect. 9.1).",
     "rectify": "Make walls straight and perpendicular (Sect. 9.4).",
+    "schema": "Print the JSON Schema of a format.",
 }
 """Subcommand -> its one-line help. `NAME` lives in `commands/NAME.py` (`-` becomes `_`)."""
 

@@ -63,3 +63,9 @@ def test_the_picture_can_be_drawn_again(tmp_path: Path, monkeypatch: pytest.Monk
     rooms, uses = drawing.read_package()
     assert set(rooms) == set(drawing.COLUMNS)
     assert drawing.draw(rooms, uses).width == drawing.WIDTH
+
+
+def test_every_field_is_on_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`python docs/list_fields.py` writes its tables again."""
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    assert (ROOT / "docs" / "formats.md").read_text() == import_module("list_fields").page()

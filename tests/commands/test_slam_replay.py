@@ -392,7 +392,7 @@ def test_a_limit_that_holds_is_exit_3_with_one_line_and_all_outputs(
 
 @pytest.mark.parametrize(
     ("limit", "problem"),
-    [("used_share", "expected a limit such as 'used_share<0.95'"),
+    [("used_share", "expected a limit such as 'verdict!=good'"),
      ("badness>1", "no 'badness' in the summary; expected one of scans, used, used_share")],
 )  # fmt: skip
 def test_wrong_limits_are_found_before_the_work(

@@ -60,6 +60,7 @@ EXAMPLES = {
     "rasterize": ("<world.yaml >o.txt --json >r.json",),
     "vectorize": ("<image.yaml >o.yaml",),
     "rectify": ("<image.yaml >o.yaml --png >p.png", "<trace.json >o.json --png >p.png"),
+    "schema": ("pose-trace",),
 }  # fmt: skip
 """Command -> its examples. `<` marks a file to be read, one that `kit.py` makes; `>` a file to be
 written (`/` at its end: a folder); what follows `@` belongs to the word and not to the name."""

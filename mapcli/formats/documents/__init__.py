@@ -1,6 +1,7 @@
 """Files besides maps and logs.
 
 json_document        head of all JSON documents   pose_trace   mapcli.pose-trace
+json_schema          what is in them, from schemas/
 exploration_trace    mapcli.exploration-trace     coverage_curve   CSV
 similarity_table     table as JSON, CSV, Markdown and text
 evaluation           mapcli.evaluation
