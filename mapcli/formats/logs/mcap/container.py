@@ -12,19 +12,18 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
 from mapcli.formats.logs.log import Source
+from mapcli.formats.logs.losses import LossLedger
 from mapcli.formats.logs.mcap.chunks import records, unpacked
 from mapcli.formats.logs.mcap.container_records import (
     MESSAGE,
     NEAR_NS,
-    NOTHING,
-    Message,
     Segment,
     add_description,
 )
-from mapcli.formats.logs.mcap.gaps import Gap, gaps_between, hole, holes, shared_out
-from mapcli.formats.logs.mcap.losses import LossLedger, lost_in
+from mapcli.formats.logs.mcap.gaps import Gap, gaps_between, hole, holes, lost_in, shared_out
 from mapcli.formats.logs.mcap.recovery import walk
 from mapcli.formats.logs.mcap.summary_section import read_summary
+from mapcli.formats.logs.message_file import NOTHING, Message, Stream
 from mapcli.model.log import Damage
 
 MAX_OPEN_SEGMENTS, MAX_OPEN_BYTES = 64, 1 << 28
@@ -70,6 +69,16 @@ class McapFile:
                 self._gaps += self._survey(file, doubtful=summary.doubtful)
             self._count_missing(summary.statistics or summary.indexed)
         self.complete = summary.statistics is not None or (summary.finished and not self._gaps)
+
+    @property
+    def streams(self) -> dict[int, Stream]:
+        """The channels, with the names of their schemas."""
+        streams = {}
+        for number, channel in self.channels.items():
+            schema = self.schemas.get(channel.schema_id)
+            name = schema.name if schema else ""
+            streams[number] = Stream(channel.topic, name, channel.message_encoding)
+        return streams
 
     def _all_described(self) -> bool:
         """Whether all channels are known, with their schemas."""

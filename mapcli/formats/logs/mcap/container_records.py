@@ -10,7 +10,7 @@ import struct
 from collections.abc import Container
 from dataclasses import dataclass, field
 from io import BytesIO
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -94,18 +94,6 @@ class Segment:
             channel: max(self.told.get(channel, 0), self.counts.get(channel, 0))
             for channel in self.told | self.counts
         }
-
-
-NOTHING = memoryview(b"")
-
-
-class Message(NamedTuple):
-    """A message as stored; `data` is a view into its chunk. Or so many that are lost here."""
-
-    log_time_ns: int
-    channel: int
-    data: memoryview
-    lost: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from operator import attrgetter
@@ -10,6 +11,7 @@ from statistics import median_low
 from typing import NamedTuple
 
 from mapcli.formats.logs.mcap.container_records import Segment
+from mapcli.formats.logs.message_file import NOTHING, Message
 
 LEAST_HOLE = 1.5
 """Periods without a message from which on one may be missing."""
@@ -76,3 +78,13 @@ def shared_out(count: int, gaps: Sequence[Gap]) -> Iterator[tuple[int, int]]:
         if upto > laid:
             yield gap.start_ns, upto - laid
             laid = upto
+
+
+def lost_in(segment: Segment, messages: list[Message], wanted: set[int]) -> list[Message]:
+    """What a segment should hold besides the messages found in it."""
+    found = Counter(message.channel for message in messages)
+    if all(found[channel] >= segment.told.get(channel, 0) for channel in wanted):
+        return []
+    start_ns = hole(segment, [message.log_time_ns for message in messages]).start_ns
+    counts = {channel: segment.told.get(channel, 0) - found[channel] for channel in sorted(wanted)}
+    return [Message(start_ns, channel, NOTHING, n) for channel, n in counts.items() if n > 0]

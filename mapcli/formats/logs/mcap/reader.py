@@ -12,8 +12,9 @@ from typing import Any
 
 from mapcli.errors import DataError
 from mapcli.formats.logs.log import Log, Source
+from mapcli.formats.logs.losses import LOST_SCANS
 from mapcli.formats.logs.mcap.container import McapFile
-from mapcli.formats.logs.mcap.losses import LOST_SCANS
+from mapcli.formats.logs.message_file import MessageFile, Stream
 from mapcli.formats.logs.mounts import describe_mount
 from mapcli.formats.logs.one_recording import Spans
 from mapcli.formats.logs.ros import decode as decode
@@ -227,35 +228,32 @@ class McapLog(Log):
         return self._missed_scan(what, self.sources[0].name, where, stamp_ns=stamp)
 
 
-def topics_of(files: Sequence[McapFile]) -> dict[Topic, list[tuple[McapFile, int]]]:
-    """The topics of all files by name, with the channels that carry them."""
-    carriers: dict[tuple[str, str, str, Role], list[tuple[McapFile, int]]] = {}
+def topics_of(files: Sequence[MessageFile]) -> dict[Topic, list[tuple[MessageFile, int]]]:
+    """The topics of all files by name, with the streams that carry them."""
+    carriers: dict[tuple[str, str, str, Role], list[tuple[MessageFile, int]]] = {}
     for file in files:
-        for number, channel in file.channels.items():
-            schema = file.schemas.get(channel.schema_id)
-            type_name = schema.name if schema else ""
-            role = role_of_channel(file, number, type_name)
-            key = channel.topic, type_name or "no type", channel.message_encoding, role
+        for number, stream in file.streams.items():
+            role = role_of_stream(file, number, stream)
+            key = stream.topic, stream.type or "no type", stream.encoding, role
             carriers.setdefault(key, []).append((file, number))
     topics = {}
-    for (name, type_name, encoding, role), channels in sorted(carriers.items(), key=itemgetter(0)):
-        count = sum(file.counts.get(number, 0) for file, number in channels)
-        spans = [file.spans[number] for file, number in channels if number in file.spans]
+    for (name, type_name, encoding, role), streams in sorted(carriers.items(), key=itemgetter(0)):
+        count = sum(file.counts.get(number, 0) for file, number in streams)
+        spans = [file.spans[number] for file, number in streams if number in file.spans]
         first = min((span[0] for span in spans), default=0)
         last = max((span[1] for span in spans), default=0)
-        topics[Topic(name, role, type_name, encoding, count, first, last)] = channels
+        topics[Topic(name, role, type_name, encoding, count, first, last)] = streams
     return topics
 
 
-def role_of_channel(file: McapFile, number: int, type_name: str) -> Role:
-    """The role of a channel; `other` if its encoding cannot be decoded."""
-    channel = file.channels[number]
-    role = role_of_type(type_name)
-    if not type_name and channel.message_encoding == "json":
+def role_of_stream(file: MessageFile, number: int, stream: Stream) -> Role:
+    """The role of a stream; `other` if its encoding cannot be decoded."""
+    role = role_of_type(stream.type)
+    if not stream.type and stream.encoding == "json":
         role = _role_of_json(file, number)
-    if role == "tf" and channel.topic.endswith("tf_static"):
+    if role == "tf" and stream.topic.endswith("tf_static"):
         role = "tf_static"
-    readable = (role, channel.message_encoding) in DECODERS and "foxglove" not in type_name
+    readable = (role, stream.encoding) in DECODERS and "foxglove" not in stream.type
     return role if readable else "other"
 
 
@@ -264,8 +262,8 @@ def role_of_type(type_name: str) -> Role:
     return ROLES.get(re.split(r"[/:.]+", type_name)[-1].rstrip("_"), "other")
 
 
-def _role_of_json(file: McapFile, number: int) -> Role:
-    """By the keys of the channel's first message."""
+def _role_of_json(file: MessageFile, number: int) -> Role:
+    """By the keys of the stream's first message."""
     for message in islice(file.messages({number}, Damage()), 1):
         try:
             keys = json.loads(bytes(message.data)).keys()

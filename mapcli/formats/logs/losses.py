@@ -1,26 +1,14 @@
-"""What was lost of an MCAP file, counted while it is read."""
+"""What was lost of a file of messages, counted while it is read."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Container, Iterable, Iterator
 
-from mapcli.formats.logs.mcap.container_records import NOTHING, Message, Segment
-from mapcli.formats.logs.mcap.gaps import hole
+from mapcli.formats.logs.message_file import Message
 from mapcli.model.log import Damage
 
 LOST_SCANS = "scans lost in damaged parts of the file"
 LOST_MESSAGES = "messages lost that the file should hold"
-
-
-def lost_in(segment: Segment, messages: list[Message], wanted: set[int]) -> list[Message]:
-    """What a segment should hold besides the messages found in it."""
-    found = Counter(message.channel for message in messages)
-    if all(found[channel] >= segment.told.get(channel, 0) for channel in wanted):
-        return []
-    start_ns = hole(segment, [message.log_time_ns for message in messages]).start_ns
-    counts = {channel: segment.told.get(channel, 0) - found[channel] for channel in sorted(wanted)}
-    return [Message(start_ns, channel, NOTHING, n) for channel, n in counts.items() if n > 0]
 
 
 class LossLedger:
