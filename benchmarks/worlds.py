@@ -1,6 +1,6 @@
 """Worlds that nobody has seen, each with its trouble, and whether the map knows of it.
 
-    python benchmarks/worlds.py [--only KIND] [--seeds N] [--jobs N]
+    python benchmarks/worlds.py [--only KIND] [--seeds N] [--draw N] [--jobs N]
 
 Five worlds of each kind of trouble, which in all but the last kind is the only one, are drawn from
 random numbers (`floor_plans.py`) and toured three times each (`mapcli.simulate`), and `mapcli
@@ -49,6 +49,9 @@ WORLDS_OF_A_KIND = 5
 
 SHORTEST_S = 60.0
 """A tour goes on to another place until it takes so long."""
+
+DRIVES_OF_A_DRAW = 1000
+"""More than anybody has driven through each world of a draw."""
 
 OVER_M = 10.0
 """Metres of way over which the worst error is looked for."""
@@ -158,9 +161,14 @@ class Result(NamedTuple):
         return any(mine > odometry + slack for mine, odometry, slack in pairs)
 
 
-def simulation_of(kind: str, world: int, seed: int) -> Simulation:
-    """The drive of a seed through a world of a kind, which is the same for all seeds."""
-    rng = np.random.default_rng([list(KINDS).index(kind), world])
+def simulation_of(kind: str, world: int, seed: int, draw: int = 0) -> Simulation:
+    """The drive of a seed through a world of a kind, which is the same for all seeds.
+
+    Args:
+        draw: of the random numbers, for worlds (and drives) other than those one has looked at.
+    """
+    rng = np.random.default_rng([list(KINDS).index(kind), world, draw])
+    seed += DRIVES_OF_A_DRAW * draw
     plans = KINDS[kind].plans
     grid, robot = plans[world % len(plans)](rng), KINDS[kind].robot(world, rng)
     radius, places, duration, ways = 0.2, 0, 0.0, []
@@ -175,10 +183,10 @@ def simulation_of(kind: str, world: int, seed: int) -> Simulation:
     return replace(simulation, **robot.more)
 
 
-def run(task: tuple[str, int, int]) -> Result:
-    """Drive, map, measure."""
-    kind, world, seed = task
-    simulation, readings = simulation_of(kind, world, seed), []
+def run(task: tuple[str, int, int, int]) -> Result:
+    """Drive, map, measure: of `simulation_of`."""
+    kind, world, seed, draw = task
+    simulation, readings = simulation_of(kind, world, seed, draw), []
 
     def records() -> Iterator[Record]:
         for record in simulation.records():
@@ -276,10 +284,11 @@ def main() -> None:
     parser.add_argument("--only", metavar="KIND", help="kinds whose names contain this")
     parser.add_argument("--worlds", type=int, default=WORLDS_OF_A_KIND, help="of each kind")
     parser.add_argument("--seeds", type=int, default=3, help="drives through each world")
+    parser.add_argument("--draw", type=int, default=0, help="of the random numbers: other worlds")
     parser.add_argument("--jobs", type=int, default=1, help="runs at a time")
     given = parser.parse_args()
     tasks = [
-        (kind, world, seed)
+        (kind, world, seed, given.draw)
         for kind in KINDS
         if (given.only or "") in kind
         for world in range(given.worlds)

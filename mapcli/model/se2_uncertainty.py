@@ -156,16 +156,6 @@ def mahalanobis_distance(error: Pose2D, covariance: Covariance) -> float:
     return math.sqrt(float(vector @ np.linalg.solve(covariance, vector)))
 
 
-def weakest_deviation(information: InformationMatrix) -> float:
-    """Standard deviation, metres, of a position in the direction of which least is known, whatever
-    the heading; infinite where nothing is."""
-    (xx, xy, xt), (_, yy, yt), (_, _, tt) = information.tolist()
-    if tt > 0:  # Schur complement: the heading is not known
-        xx, xy, yy = xx - xt * xt / tt, xy - xt * yt / tt, yy - yt * yt / tt
-    least, _ = _eigenvalues(xx, xy, yy)
-    return 1 / math.sqrt(least) if least > 0 else math.inf
-
-
 def _eigenvalues(xx: float, xy: float, yy: float) -> tuple[float, float]:
     """The smaller and the larger one of a symmetric 2 x 2 matrix."""
     middle, away = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)

@@ -25,7 +25,6 @@ class TracedPose:
         odom: `odom_from_robot` at that stamp; None where odometry is silent.
         score: how well the scan agrees with the map where they overlap, 0 to 1; None when it was
             not compared.
-        slides: the map says little of the position in one direction, along a corridor.
         status: `first` starts the map, `matched` was found in it, `odometry` was carried on by
             odometry alone, because the scan said too little.
     """
@@ -35,7 +34,6 @@ class TracedPose:
     odom: Pose2D | None
     score: float | None
     status: Status
-    slides: bool = False
 
 
 @dataclass(frozen=True, slots=True)

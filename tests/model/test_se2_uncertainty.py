@@ -22,7 +22,6 @@ from mapcli.model.se2_uncertainty import (
     mahalanobis_distance,
     moved_covariance,
     turned_covariance,
-    weakest_deviation,
 )
 
 SKEWED = np.array([[4.0, 1.0, 0.5], [1.0, 2.0, -0.3], [0.5, -0.3, 1.0]]) * 1e-4
@@ -207,18 +206,3 @@ def test_mahalanobis_distance_is_the_same_in_every_frame(seed: int, seen: Pose2D
     one = mahalanobis_distance(Pose2D(*error.tolist()), covariance)
     other = mahalanobis_distance(moved, moved_covariance(covariance, seen))
     assert other == pytest.approx(one, rel=1e-2, abs=1e-8)
-
-
-def test_the_weakest_direction() -> None:
-    # Known to 1 cm across and 50 cm along a corridor that runs at 30 degrees; a heading that is
-    # not known adds nothing when it is not coupled to the position.
-    c, s = math.cos(math.radians(30)), math.sin(math.radians(30))
-    turn = np.array([[c, -s], [s, c]])
-    information = np.zeros((3, 3))
-    information[:2, :2] = turn @ np.diag([0.5**-2, 0.01**-2]) @ turn.T
-    information[2, 2] = 7.0
-    assert weakest_deviation(information) == pytest.approx(0.5)
-    assert weakest_deviation(np.zeros((3, 3))) == math.inf
-    # A position of 1 m that is known as well as the heading it follows from: cov = J J^T.
-    covariance = np.array([[0.04, 0, 0], [0, 0.01 + 0.01, 0.1], [0, 0.1, 1.0]])
-    assert weakest_deviation(np.linalg.inv(covariance)) == pytest.approx(0.2)

@@ -8,6 +8,9 @@ other saw nothing for metres. What moved, people and doors, is a small part of w
 Each of some hundred scans, spread evenly over the way, is compared twice: with all scans taken
 `APART_M` or more of way before or after (places passed twice), and with those taken nearer by
 (tracking). The measure needs no parameter of the sensor, and no reference.
+
+Agreement says nothing where it could not be otherwise: along a corridor, or where hardly anything
+is seen, a scan agrees as well half a metre away. So it is asked, too, whether it would.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from mapcli.algorithms.slam._kernels.views import (
     ViewCounts,
     compare_view,
     count_view,
+    least_loss,
 )
 from mapcli.algorithms.slam.scan_points import voxel_filtered
 from mapcli.model.pose import Pose2D
@@ -50,6 +54,13 @@ FIRST_STEP_M = 0.5
 
 TURN_M = 0.5
 """Metres that a radian of turning counts as."""
+
+AWAY_CELLS, TELLING_ENDS = 5.0, 3
+"""A scan fixes its place when so many of its ends, at least, agree less so far away, whichever way
+it is: fewer may be people, or noise."""
+
+MARGIN = 2 + int(AWAY_CELLS)
+"""Cells around all ends."""
 
 FEWEST_ENDS, LEAST_SHARE = 10, 0.3
 """Ends, and share of a scan's ends, that others must have seen for a comparison to count."""
@@ -109,11 +120,15 @@ class Agreement:
         scan: its number.
         apart: contradicted share of its ends, by scans of other visits; None where there were none.
         near: the same by scans nearby.
+        fixed_apart, fixed_near: whether it would agree less with them if it were half a metre away,
+            whichever way.
     """
 
     scan: int
     apart: float | None
     near: float | None
+    fixed_apart: bool = True
+    fixed_near: bool = True
 
 
 def compare_scans(scans: Sequence[SampledScan], poses: Sequence[Pose2D]) -> list[Agreement]:
@@ -122,13 +137,14 @@ def compare_scans(scans: Sequence[SampledScan], poses: Sequence[Pose2D]) -> list
     Args:
         scans: of a `ScanSample`; poses: of every scan of the log, in the map.
     """
+    blind = [Agreement(one.scan, None, None, False, False) for one in scans if not len(one.ends)]
     placed = _Placed.of([scan for scan in scans if len(scan.ends)], poses)
     if placed is None:
-        return []
+        return blind
     apart, near = placed.nothing(), placed.nothing()
     for k in range(len(placed.ends)):
         placed.count(apart, k, 1)
-    found, first, last = [], 0, 0
+    found, first, last = blind, 0, 0
     for k, way in enumerate(placed.way):
         while last < len(placed.way) and placed.way[last] <= way + APART_M:
             placed.count(near, last, 1)
@@ -138,14 +154,23 @@ def compare_scans(scans: Sequence[SampledScan], poses: Sequence[Pose2D]) -> list
             placed.count(near, first, -1)
             placed.count(apart, first, 1)
             first += 1
-        by_others = compare_view(apart, placed.ends[k])
         placed.count(near, k, -1)
-        by_neighbours = compare_view(near, placed.ends[k])
+        found.append(_agreement(placed.scans[k], placed.ends[k], apart, near))
         placed.count(near, k, 1)
-        size = len(placed.ends[k])
-        shares = _share(by_others, size), _share(by_neighbours, size)
-        found.append(Agreement(placed.scans[k], *shares))
-    return found
+    return sorted(found, key=lambda one: one.scan)
+
+
+def _agreement(
+    scan: int, ends: NDArray[np.float32], apart: ViewCounts, near: ViewCounts
+) -> Agreement:
+    by_others, by_neighbours = compare_view(apart, ends), compare_view(near, ends)
+    return Agreement(
+        scan,
+        _share(by_others, len(ends)),
+        _share(by_neighbours, len(ends)),
+        least_loss(apart, ends, AWAY_CELLS) >= TELLING_ENDS,
+        least_loss(near, ends, AWAY_CELLS) >= TELLING_ENDS,
+    )
 
 
 def _share(compared: Compared, size: int) -> float | None:
@@ -183,13 +208,13 @@ class _Placed:
         high = np.max([np.maximum(e.max(axis=0), s) for e, s in zip(ends, starts, strict=True)], 0)
         width, height = (high - low).tolist()
         cell = max(CELL_M, math.sqrt(width * height / MOST_CELLS))
-        corner = low - 2 * cell
+        corner = low - MARGIN * cell
         return cls(
             [one.scan for one in scans],
             [float(way[one.scan]) for one in scans],
             [((e - corner) / cell).astype(np.float32) for e in ends],
             [(s - corner) / cell for s in starts],
-            (int(height / cell) + 5, int(width / cell) + 5),
+            (int(height / cell) + 2 * MARGIN + 1, int(width / cell) + 2 * MARGIN + 1),
         )
 
     def nothing(self) -> ViewCounts:

@@ -191,12 +191,7 @@ class ReplayRun:
         poses = [traced.pose for traced in trace.poses]
         sampled = [one for one in self._sample.scans if one.scan < len(poses)]
         is_closing = self.slam.parameters.loops is not None
-        return map_reasons(
-            trace.poses,
-            compare_scans(sampled, poses),
-            is_closing=is_closing,
-            wheels_failed=self.slam.faults.faulty_scans > 0,
-        )
+        return map_reasons(trace.poses, compare_scans(sampled, poses), is_closing=is_closing)
 
     def _sweep_summary(self) -> SweepSummary | None:
         scan = self._timed

@@ -48,15 +48,10 @@ from mapcli.algorithms.slam.sweep_motion import SweepMotionFilter
 from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Mount, RangeScan, Record
-from mapcli.model.se2_uncertainty import weakest_deviation
 from mapcli.model.trace import Status, TracedPose
 
 FIRST_SCORE = 0.9
 """The running score before the first match."""
-
-SLIDES_M = 0.2
-"""Metres; a match that fixes the position no better than this in some direction leaves it to the
-odometry there. Where walls run every way it is a centimetre or two."""
 
 SCORE_WEIGHT = 0.05
 """The weight of the newest score in the running score, an exponential moving average."""
@@ -171,9 +166,8 @@ class Slam:
         self.perception = p
         self.pose, self._has_begun = n, True  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
-        slides = b.information is not None and weakest_deviation(b.information) > SLIDES_M
         score = b.score if b.found else None
-        return TracedPose(scan.stamp_ns, n, odom, score, status, slides)
+        return TracedPose(scan.stamp_ns, n, odom, score, status)
 
     def _perceive(self, scan: RangeScan) -> Perception:
         """The perception map of a scan, deskewed as is known before it is matched."""

@@ -11,17 +11,19 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby, pairwise
 
 from mapcli.algorithms.slam.contradictions import Agreement
+from mapcli.algorithms.slam.sliding import error_over, odometry_error, sliding_stretches
 from mapcli.model.reason import VERDICTS, Reason, ReasonKind, Verdict
 from mapcli.model.scan import NANOSECONDS
 from mapcli.model.trace import TracedPose
 
-CONTRADICTED = 0.4
+CONTRADICTED = 0.3
 """Share of a scan's ends from which on it contradicts the others. People and doors are less of
 what a scanner sees; a tear of more than its walls' thickness is more."""
 
-FEW, MANY = 0.03, 0.1
+FEW, MANY = 0.025, 0.05
 """Shares of the compared scans that contradict: from the first on a map is doubtful, from the
-second on bad. A piece of a map that is torn shows in the scans of both visits."""
+second on bad. People and doors are good for half of the first; a piece of a map that is torn shows
+in the scans of both visits."""
 
 FEWEST = 3
 """Scans that must contradict for a reason: one may stand where something moved."""
@@ -30,10 +32,9 @@ ALONE_M = 2.0
 """Metres by odometry alone, at a stretch, that make a map doubtful: wheels err by a tenth of what
 they count, so that the map is off by more than a wall's thickness."""
 
-SLIDING_M, TRUSTED_SLIDING_M = 2.0, 10.0
-"""Metres on which scans leave the position to the odometry in one direction, all together, that
-make a map doubtful: with wheels that failed somewhere in the log, and with wheels that did not,
-which err by some percent."""
+OFF_M, FAR_OFF_M = 0.5, 1.0
+"""Metres that a map may be off by where scans do not fix the robot's position, from which on it is
+doubtful, and bad."""
 
 UNSEEN_M = 150.0
 """Metres of way, at a stretch, of which nothing was seen on another visit. Tracking drifts by some
@@ -56,7 +57,6 @@ def map_reasons(
     agreements: Sequence[Agreement],
     *,
     is_closing: bool,
-    wheels_failed: bool = False,
 ) -> tuple[Reason, ...]:
     """What makes a map doubtful or bad, of the map itself.
 
@@ -64,7 +64,6 @@ def map_reasons(
         poses: of every scan, as they are in the map.
         agreements: of some of the scans, in time order.
         is_closing: whether loops were searched for.
-        wheels_failed: odometry was wrong at some scans.
     """
     if not poses:
         return ()
@@ -74,7 +73,7 @@ def map_reasons(
         *run.contradicting("walls_twice", MEET_NOT, lambda one: one.apart, remedy),
         *run.contradicting("torn", LOST, lambda one: one.near),
         *run.by_odometry_alone(),
-        *run.sliding(SLIDING_M if wheels_failed else TRUSTED_SLIDING_M),
+        *run.sliding(),
         *run.never_seen_again(),
     )
 
@@ -128,14 +127,21 @@ class _Run:
             text = f"{self._way(first, last):.0f} m by odometry alone: no scan fitted the map"
             yield self._reason("odometry_alone", "doubtful", first, last, text)
 
-    def sliding(self, limit_m: float) -> Iterator[Reason]:
-        """Stretches where scans do not tell how far the robot has come, if they are long."""
-        spans = self._stretches(lambda pose: pose.slides)
-        if sum(self._way(*span) for span in spans) <= limit_m:
-            return
-        for first, last in _longest(spans):
-            text = f"{self._way(first, last):.1f} m on which the walls do not tell how far it went"
-            yield self._reason("sliding", "doubtful", first, last, text)
+    def sliding(self) -> Iterator[Reason]:
+        """Stretches where scans do not tell how far the robot has come, and odometry is not to be
+        trusted for so long."""
+        error_m = odometry_error(self.poses, self.metres)
+        for spans in sliding_stretches(self.agreements):
+            total = sum(self._way(*span) for span in spans)
+            off = error_over(total, error_m)
+            if off <= OFF_M:
+                continue
+            verdict: Verdict = "bad" if off > FAR_OFF_M else "doubtful"
+            for first, last in _longest(spans):
+                way, part = self._way(first, last), f" of {total:.0f} m" if spans[1:] else ""
+                text = f"{way:.0f} m{part} on which scans fit half a metre away as well"
+                text += f": the map may be off by {off:.1f} m"
+                yield self._reason("sliding", verdict, first, last, text)
 
     def never_seen_again(self) -> Iterator[Reason]:
         """Stretches of way that no other visit confirms."""

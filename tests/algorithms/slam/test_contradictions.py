@@ -6,11 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from support.looping import laps, ring, see
+from support.looping import Edges, box, laps, ring, see
 
+from mapcli import World
 from mapcli.algorithms.scans.perception import NOTHING_SEEN
+from mapcli.algorithms.scans.ray_casting import edges_of
 from mapcli.algorithms.slam.contradictions import (
     MOST_SCANS,
+    Agreement,
     SampledScan,
     ScanSample,
     compare_scans,
@@ -76,4 +79,24 @@ def test_a_robot_that_stands_is_sampled_once() -> None:
 def test_nothing_to_compare() -> None:
     blind = SampledScan(0, np.empty((0, 2), np.float32), np.zeros(2))
     assert compare_scans([], [Pose2D()]) == []
-    assert compare_scans([blind], [Pose2D()]) == []
+    (nothing,) = compare_scans([blind], [Pose2D()])
+    assert nothing == Agreement(0, None, None, fixed_apart=False, fixed_near=False)
+
+
+def corridor(length: float, door: float) -> Edges:
+    """2 m wide, with a post of 80 cm somewhere."""
+    walls = [box(-20, -1.2, length, -1.0), box(-20, 1.0, length, 1.2)]
+    return edges_of(World.of([*walls, box(door, 0.2, door + 0.6, 1.0)]))
+
+
+def test_what_sees_two_walls_only_does_not_fix_its_place() -> None:
+    poses = [Pose2D(0.3 * k) for k in range(150)]
+    sample, edges = ScanSample(), corridor(80.0, 30.0)
+    for pose in poses:
+        sample.add(pose, see(edges, pose))
+    found = compare_scans(sample.scans, poses)
+    near_post = [one for one in found if abs(poses[one.scan].x - 30) < 3]
+    far = [one for one in found if abs(poses[one.scan].x - 30) > 12 and poses[one.scan].x > 2]
+    assert np.mean([one.fixed_near for one in near_post]) > 0.6
+    assert not any(one.fixed_near for one in far)
+    assert not any(one.fixed_apart for one in far)
