@@ -57,6 +57,14 @@ class StandardDeviations(NamedTuple):
         """The inverse of `covariance`."""
         return np.diag([self.xy**-2, self.xy**-2, self.theta**-2])
 
+    def after(self, metres: float, step: StandardDeviations) -> StandardDeviations:
+        """Of the pose after a step of so many metres, whose error is independent: a heading that
+        is off leads aside."""
+        xy = math.sqrt(self.xy**2 + (self.theta * metres) ** 2 + step.xy**2)
+        return StandardDeviations(xy, math.hypot(self.theta, step.theta))
+
+
+CERTAIN = StandardDeviations(0.0, 0.0)
 
 UNKNOWN = StandardDeviations(math.inf, math.inf)
 """Of a pose that is not known at all; its information is 0."""

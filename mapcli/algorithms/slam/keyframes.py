@@ -20,6 +20,7 @@ from mapcli.algorithms.slam.scan_store import ScanStore
 from mapcli.algorithms.slam.tracked_sweeps import TrackedSweeps
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import (
+    CERTAIN,
     Covariance,
     InformationMatrix,
     StandardDeviations,
@@ -34,6 +35,11 @@ SHORTEST_STEP = 0.01
 """Metres (plus radians) that a step counts at least in this, so that no covariance is singular."""
 
 
+TEAR_M = 30.0
+"""Metres of trajectory that a tear counts as: what lies on either side is no part of the same
+submap, nor of the same visit."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Keyframe:
     """A scan that is part of the map.
@@ -43,7 +49,8 @@ class Keyframe:
         pose: of the robot in the map, as tracked.
         perception: what was seen, in the robot's frame.
         covariance: of the motion since the keyframe before, in this keyframe's own frame.
-        metres: driven from the first keyframe to here.
+        metres: driven from the first keyframe to here; where the map began anew, `TEAR_M` more.
+        is_first: of a piece: the map began anew with it, see `lost_track`.
     """
 
     scan: int
@@ -51,6 +58,7 @@ class Keyframe:
     perception: Perception
     covariance: Covariance
     metres: float
+    is_first: bool = False
 
 
 @dataclass
@@ -82,39 +90,60 @@ class TrackedTrajectory:
         self.poses[first:] = poses
         begin = bisect_left(self.keyframes, first, key=lambda keyframe: keyframe.scan)
         for k in range(begin, len(self.keyframes)):
-            pose, metres = self.poses[self.keyframes[k].scan], 0.0
+            keyframe = self.keyframes[k]
+            pose, metres = self.poses[keyframe.scan], 0.0
             if k:
-                last = self.keyframes[k - 1]
-                metres = last.metres + last.pose.distance(pose)
-            self.keyframes[k] = replace(self.keyframes[k], pose=pose, metres=metres)
+                metres = self._metres_after(self.keyframes[k - 1], pose, keyframe.is_first)
+            self.keyframes[k] = replace(keyframe, pose=pose, metres=metres)
+
+    @staticmethod
+    def _metres_after(last: Keyframe, pose: Pose2D, is_first: bool) -> float:
+        return last.metres + last.pose.distance(pose) + TEAR_M * is_first
 
     def add_keyframe(
-        self, perception: Perception, match: InformationMatrix | None, odometry: MotionModel
+        self,
+        perception: Perception,
+        match: InformationMatrix | None,
+        odometry: MotionModel,
+        alone: StandardDeviations = CERTAIN,
+        *,
+        is_first: bool = False,
     ) -> None:
         """The last scan is a keyframe.
 
         Args:
             match: information on its pose from the local map, in its own frame; None if the scan
                 was not matched.
+            alone: how far off odometry alone may be, see `step_covariance`.
+            is_first: the map begins anew with it.
         """
         motion, metres, pose = Pose2D(), 0.0, self.poses[-1]
         if self.keyframes:
             last = self.keyframes[-1]
-            motion, metres = last.pose.between(pose), last.metres + last.pose.distance(pose)
-        covariance = step_covariance(motion, match, odometry)
-        self.keyframes.append(Keyframe(len(self.poses) - 1, pose, perception, covariance, metres))
+            motion, metres = last.pose.between(pose), self._metres_after(last, pose, is_first)
+        covariance = step_covariance(motion, match, odometry, alone)
+        scan = len(self.poses) - 1
+        self.keyframes.append(Keyframe(scan, pose, perception, covariance, metres, is_first))
 
 
 def step_covariance(
-    motion: Pose2D, match: InformationMatrix | None, odometry: MotionModel
+    motion: Pose2D,
+    match: InformationMatrix | None,
+    odometry: MotionModel,
+    alone: StandardDeviations = CERTAIN,
 ) -> Covariance:
     """Of a motion from keyframe to keyframe, in the frame where it ends.
 
     Map and odometry together say where the robot is: their information adds up. Neither is better
     than tracking is at best, which is added.
+
+    Args:
+        alone: how far off odometry alone may be, at least: what has added up over scans that were
+            not matched.
     """
     way = math.hypot(motion.x, motion.y) + abs(motion.theta)
-    information = odometry.uncertainty(motion).deviations.information()
+    xy, theta = odometry.uncertainty(motion).deviations
+    information = StandardDeviations(max(xy, alone.xy), max(theta, alone.theta)).information()
     covariance = covariance_from_information(information if match is None else information + match)
     floor: Covariance = max(way, SHORTEST_STEP) * TRACKING_NOISE.covariance()
     return covariance + floor

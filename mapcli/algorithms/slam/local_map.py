@@ -75,10 +75,7 @@ class LocalMap:
             pose: of the robot in the map.
             laser: that saw it; each laser of a robot has an update of its own.
         """
-        last = self._updated_at.get(laser)
-        if self.parameters.frozen:
-            return False
-        if last is not None and not self._is_far_enough(last.between(pose)):
+        if not self.is_due(pose, laser):
             return False
         self.grid.integrate(pose, perception)
         if len(perception.hits) < MIN_POINTS:
@@ -88,10 +85,20 @@ class LocalMap:
         self._forget(pose, perception)
         return True
 
-    def _is_far_enough(self, since: Pose2D) -> bool:
-        p = self.parameters
+    def is_due(self, pose: Pose2D, laser: Mount = MIDDLE) -> bool:
+        """Whether the robot has come far enough since the last update."""
+        last, p = self._updated_at.get(laser), self.parameters
+        if p.frozen or last is None:
+            return not p.frozen
+        since = last.between(pose)
         far = math.hypot(since.x, since.y) >= p.update_m
         return far or abs(since.theta) >= math.radians(p.update_deg)
+
+    def begin_anew(self, pose: Pose2D) -> None:
+        """Forget everything: the robot is elsewhere."""
+        self.grid, self._next, self._next_scans = self._begin_at(pose), None, []
+        self._updated_at, self._last = {}, None
+        self._metres = self._next_from = 0.0
 
     def _forget(self, pose: Pose2D, perception: Perception) -> None:
         """Begin the next active submap when it is time, write to it, and let it take over."""

@@ -73,6 +73,7 @@ class Match:
         free_space_conflicts: points of the scan where the map knows free space.
         alternative: another pose, far from the odometry's, that fits better, but not so much better
             that odometry must have failed.
+        is_contradicted: it was not found because the map contradicts it wherever it was searched.
     """
 
     pose: Pose2D
@@ -82,6 +83,7 @@ class Match:
     information: InformationMatrix | None = None
     free_space_conflicts: int = 0
     alternative: Alternative | None = None
+    is_contradicted: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from mapcli.algorithms.slam.odometry_calibration import OdometryCalibration
 from mapcli.algorithms.slam.stale_odometry import StaleOdometry
 from mapcli.model.pose import Pose2D
-from mapcli.model.se2_uncertainty import InformationMatrix, StandardDeviations
+from mapcli.model.se2_uncertainty import CERTAIN, InformationMatrix, StandardDeviations
 
 HIGHEST_SPEED = 5.0
 """Metres per second; odometry that claims more (and more than a metre) has jumped."""
@@ -84,6 +84,8 @@ class OdometryUncertainty:
         usual: standard deviations of what odometry usually errs by in this log, as shares of
             `deviations`, which have to do for all robots.
         is_suspect: no robot moves as odometry counted.
+        since_known: standard deviations of the pose before, as they have added up since the map
+            told it last.
     """
 
     deviations: StandardDeviations
@@ -91,6 +93,7 @@ class OdometryUncertainty:
     window_sigmas: float = WINDOW_SIGMAS
     usual: StandardDeviations = MODEL_NOISE
     is_suspect: bool = False
+    since_known: StandardDeviations = CERTAIN
 
     def separates(self, predicted: Pose2D, pose: Pose2D, sigmas: float) -> bool:
         """Whether two poses differ by more than so many standard deviations, in position or in
@@ -181,6 +184,11 @@ class DeadReckoning:
         uncertainty = self.model.uncertainty(motion if self._late is None else self._late)
         suspect = self._step is not None and self._stale.is_impossible(self._step, self._step_s)
         return replace(uncertainty, usual=self.noise.shares, is_suspect=suspect)
+
+    @property
+    def step_s(self) -> float:
+        """Seconds of the last motion."""
+        return self._step_s
 
     def compare(self, found: Pose2D) -> None:
         """Hold the last motion against that between the matched poses, see `StaleOdometry`."""

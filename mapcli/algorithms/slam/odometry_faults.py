@@ -116,6 +116,10 @@ class OdometryFaults:
         self._stamp_ns, self._step_s, self._step_before_s = 0, 0.0, 0.0
         self._is_at_standstill, self._known_share = True, 0.0
 
+    def begin_anew(self) -> None:
+        """The map that alternatives were held against is gone."""
+        self.active, self.alternatives, self.past_poses = "odometry", {}, ()
+
     def motion(self, stamp_ns: int, counted: Pose2D | None) -> Pose2D | None:
         """What the robot did since the last scan by the active hypothesis, in its frame then.
 

@@ -81,6 +81,10 @@ SAME_SIGMAS = 2.0
 RELOCALISATION_TURN = math.radians(45)
 """The same for the heading, radians."""
 
+LOST_SIGMAS = 2.0
+"""Standard deviations, of what has added up since the map told the pose last, by which the
+relocalisation window is wider."""
+
 POINT_EVIDENCE = 0.9
 """Nats that a point which fits says against a pose where it does not: ln 20, since one point in
 twenty fits nowhere, times the share of the points that are evidence of their own."""
@@ -189,9 +193,11 @@ class _WindowMatcher:
         """Search a far wider window. What is found there is taken if the map contradicts `best`, if
         no robot moves as odometry counts, or if the scan before, moved on by odometry, was found
         there too; and only if the evidence outweighs that odometry seldom fails."""
+        since = self.uncertainty.since_known
         xy = RELOCALISATION_XY + RELOCALISATION_XY_PER_M * self.uncertainty.metres
-        xy = max(self._window().xy, min(xy, WIDEST_XY))
-        wide = SearchWindow(xy, RELOCALISATION_TURN)
+        xy = max(self._window().xy, min(xy + LOST_SIGMAS * since.xy, WIDEST_XY))
+        turn = min(RELOCALISATION_TURN + LOST_SIGMAS * since.theta, math.pi)
+        wide = SearchWindow(xy, turn)
         self.scan.cover(self.predicted, wide)
         other, before = self._search(wide), self.history.alternative
         evidence, again = self._evidence(other, best), 0.0
@@ -208,10 +214,10 @@ class _WindowMatcher:
     def _unless_lost(self, match: Match) -> Match:
         """A match; not found if the map contradicts it, unless the pose as predicted is far less
         likely."""
-        found = match.found
-        if self._is_lost(match):
-            found = found and self._odds(match, self.scan.compare(self.predicted)) > DECISIVE
-        return replace(match, found=found)
+        if not match.found or not self._is_lost(match):
+            return match
+        found = self._odds(match, self.scan.compare(self.predicted)) > DECISIVE
+        return replace(match, found=found, is_contradicted=not found)
 
     def _odds(self, match: Match, other: Match) -> float:
         """How much likelier a match is than another by scan and odometry together, nats."""

@@ -19,30 +19,25 @@ What is done once the log has ended, loop closure above all, is `back_end`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
-from mapcli.algorithms.scans.perception import (
-    NOTHING_SEEN,
-    Perception,
-    PerceptionParameters,
-    perceive,
-)
+from mapcli.algorithms.scans.perception import NOTHING_SEEN, Perception, perceive
 from mapcli.algorithms.slam.back_end import BackEndResult, finalise
 from mapcli.algorithms.slam.global_localization import localize_globally
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.known_map_fit import EXPECTED, KnownMapFit
-from mapcli.algorithms.slam.local_map import LocalMap, LocalMapParameters
-from mapcli.algorithms.slam.loop_closure import LoopParameters
-from mapcli.algorithms.slam.map_parameters import MapParameters
-from mapcli.algorithms.slam.map_refinement import RefineParameters, map_from_keyframes
-from mapcli.algorithms.slam.match import MIN_POINTS, Match, MatchHistory, MatchParameters
-from mapcli.algorithms.slam.motion_model import DeadReckoning, MotionModel, OdometryUncertainty
+from mapcli.algorithms.slam.local_map import LocalMap
+from mapcli.algorithms.slam.lost_track import LostTrack
+from mapcli.algorithms.slam.map_refinement import map_from_keyframes
+from mapcli.algorithms.slam.match import MIN_POINTS, Match, MatchHistory
+from mapcli.algorithms.slam.motion_model import DeadReckoning, OdometryUncertainty
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.odometry_faults import OdometryFaults
 from mapcli.algorithms.slam.pose_refinement import ScanInMap
 from mapcli.algorithms.slam.scan_matcher import match_scan
 from mapcli.algorithms.slam.scan_points import points_of
+from mapcli.algorithms.slam.slam_parameters import SlamParameters as SlamParameters
 from mapcli.algorithms.slam.submaps import SUBMAP_M
 from mapcli.algorithms.slam.sweep_motion import SweepMotionFilter
 from mapcli.errors import DataError
@@ -60,39 +55,6 @@ MOST_GLOBAL_SCANS = 10
 """Scans that are localised globally in a known map, at most."""
 
 
-@dataclass(frozen=True)
-class SlamParameters:
-    """One group of parameters per stage.
-
-    Attributes:
-        odometry: how far off odometry may be.
-        calibrate_odometry: estimate its systematic errors from the map.
-        detect_odometry_faults: follow hypotheses of odometry that fails (only with the search
-            `window`).
-        loops: None closes none, and refines no pose when the log has ended.
-    """
-
-    map: MapParameters = field(default_factory=MapParameters)
-    local_map: LocalMapParameters = field(default_factory=LocalMapParameters)
-    perception: PerceptionParameters = field(default_factory=PerceptionParameters)
-    odometry: MotionModel = field(default_factory=MotionModel)
-    calibrate_odometry: bool = True
-    match: MatchParameters = field(default_factory=MatchParameters)
-    detect_odometry_faults: bool = True
-    loops: LoopParameters | None = field(default_factory=LoopParameters)
-    refine: RefineParameters = field(default_factory=RefineParameters)
-
-    def without_loops(self) -> SlamParameters:
-        """For the plain Algorithm 9.2: a map that never forgets, and no loop closure.
-
-        Failing odometry is not detected then. A map that remembers old laps contradicts right poses
-        as well, when the robot comes back with an error: points that lie in its free space would
-        pass for a failure.
-        """
-        local_map = replace(self.local_map, max_length_m=None)
-        return replace(self, local_map=local_map, detect_odometry_faults=False, loops=None)
-
-
 class Slam:
     """A run of Algorithm 9.2 (stateful: `map` and `pose` change with every scan).
 
@@ -104,6 +66,7 @@ class Slam:
         pose: c, the current position, in the map; the first scan is taken at the start pose.
         odometry: dead reckoning and its uncertainty; faults: hypotheses about odometry that fails.
         sweep_motion: the robot's motion while a scan is taken beam by beam.
+        lost: what is known of the pose where the map does not tell it.
         known_map_fit: how well the scans fit the map that there was.
         trajectory: all poses until now, and the keyframes, for the back end.
         perception: p, of the last scan.
@@ -128,6 +91,7 @@ class Slam:
         self.sweep_motion = SweepMotionFilter()
         self.trajectory = TrackedTrajectory()
         self.perception = NOTHING_SEEN
+        self.lost = LostTrack(p.odometry)
         self._history, self._has_begun = MatchHistory(FIRST_SCORE), False
 
     @property
@@ -152,17 +116,21 @@ class Slam:
             b = self._localize_globally(p)
         elif self._is_known_from(scan.mount):  # 5-8: the best test position around n
             uncertainty = self.odometry.uncertainty(motion)
+            uncertainty = replace(uncertainty, since_known=self.lost.deviations)
             self._history = self._history.moved(motion)
             p, b = self._match(scan, odom, p, n, uncertainty)
             if self._detects_faults:
                 scan_in_map = ScanInMap(self.map, p, self.parameters.match)
                 b = self.faults.select(c, uncertainty, b, scan_in_map, self._history)
             self._update_history(c, b)
+            self.lost.update(b, uncertainty, self.odometry.step_s)
             self.known_map_fit.add(b, len(p.hits))
         n = b.pose  # 9: replace new position by best position
         self.odometry.compare(c.between(n))
-        in_map = self._is_localized and self.local_map.update(n, p, scan.mount)  # 10: update map
+        in_map = self._is_localized and self._update_map(n, p, scan.mount)  # 10: update map
         self._record(scan, odom, p, n, b, in_map=in_map)
+        if in_map:
+            self.lost.begin_anew()
         self.perception = p
         self.pose, self._has_begun = n, True  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
@@ -231,6 +199,20 @@ class Slam:
         if p.local_map.frozen and p.match.search != "none":
             self.known_map_fit.check()
 
+    def _update_map(self, pose: Pose2D, perception: Perception, laser: Mount) -> bool:
+        """Line 10, unless the map contradicts the scan; where it goes on doing so, a map that
+        forgets begins anew, and one that does not is written to after all."""
+        if not self.lost.scans:
+            return self.local_map.update(pose, perception, laser)
+        if not self.lost.is_elsewhere or not self.local_map.is_due(pose, laser):
+            return False
+        if self.parameters.local_map.max_length_m is not None:
+            self.local_map.begin_anew(pose)
+            self.faults.begin_anew()
+            self._lasers = {laser}
+            self._history = MatchHistory(FIRST_SCORE)
+        return self.local_map.update(pose, perception, laser)
+
     def _update_history(self, before: Pose2D, match: Match) -> None:
         """The running score, and the calibration of odometry, after a match."""
         score = self._history.running_score
@@ -259,7 +241,11 @@ class Slam:
         self.trajectory.add(pose, points.metres)
         self.trajectory.sweeps.add(number, scan, odom, perception, points.numbers)
         if in_map:
-            self.trajectory.add_keyframe(perception, match.information, self.parameters.odometry)
+            information = match.information if match.found else None
+            alone, first = self.lost.deviations, self.lost.is_elsewhere
+            self.trajectory.add_keyframe(
+                perception, information, self.parameters.odometry, alone, is_first=first
+            )
 
     @property
     def submap_count(self) -> int:

@@ -1,0 +1,46 @@
+"""The parameters of Algorithm 9.2 (`slam`), one group for each stage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from mapcli.algorithms.scans.perception import PerceptionParameters
+from mapcli.algorithms.slam.local_map import LocalMapParameters
+from mapcli.algorithms.slam.loop_closure import LoopParameters
+from mapcli.algorithms.slam.map_parameters import MapParameters
+from mapcli.algorithms.slam.map_refinement import RefineParameters
+from mapcli.algorithms.slam.match import MatchParameters
+from mapcli.algorithms.slam.motion_model import MotionModel
+
+
+@dataclass(frozen=True)
+class SlamParameters:
+    """One group of parameters per stage.
+
+    Attributes:
+        odometry: how far off odometry may be.
+        calibrate_odometry: estimate its systematic errors from the map.
+        detect_odometry_faults: follow hypotheses of odometry that fails (only with the search
+            `window`).
+        loops: None closes none, and refines no pose when the log has ended.
+    """
+
+    map: MapParameters = field(default_factory=MapParameters)
+    local_map: LocalMapParameters = field(default_factory=LocalMapParameters)
+    perception: PerceptionParameters = field(default_factory=PerceptionParameters)
+    odometry: MotionModel = field(default_factory=MotionModel)
+    calibrate_odometry: bool = True
+    match: MatchParameters = field(default_factory=MatchParameters)
+    detect_odometry_faults: bool = True
+    loops: LoopParameters | None = field(default_factory=LoopParameters)
+    refine: RefineParameters = field(default_factory=RefineParameters)
+
+    def without_loops(self) -> SlamParameters:
+        """For the plain Algorithm 9.2: a map that never forgets, and no loop closure.
+
+        Failing odometry is not detected then. A map that remembers old laps contradicts right poses
+        as well, when the robot comes back with an error: points that lie in its free space would
+        pass for a failure.
+        """
+        local_map = replace(self.local_map, max_length_m=None)
+        return replace(self, local_map=local_map, detect_odometry_faults=False, loops=None)
