@@ -38,7 +38,7 @@ COMMANDS = {
 MODULES = {"import": "import_log"}
 """Where the module cannot bear the command's name: `import` is a Python keyword."""
 
-EXIT_DATA, EXIT_QUALITY, EXIT_INTERRUPTED, EXIT_TERMINATED = 1, 3, 130, 143
+EXIT_DATA, EXIT_USAGE, EXIT_QUALITY, EXIT_INTERRUPTED, EXIT_TERMINATED = 1, 2, 3, 130, 143
 
 EXIT_UNREAD = 0
 """The reader of our stdout has gone (`| head`); that is no fault of ours."""
@@ -64,20 +64,38 @@ class LazyGroup(click.Group):
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:
-            import difflib
+            from mapcli.commands._hints import hint_for_command
 
-            close = difflib.get_close_matches(args[0], COMMANDS, n=1)
-            hint = f" Did you mean {close[0]!r}?" if close else ""
-            raise click.UsageError(f"{error.message}{hint}", ctx) from error
+            raise click.UsageError(
+                error.message + hint_for_command(args[0], COMMANDS), ctx
+            ) from error
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        given = list(args)
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            name = next((word for word in given if word in COMMANDS), None)
+            command = self.get_command(ctx, name) if name else None
+            flag = error.option_name
+            if command is None or not any(flag in option.opts for option in command.params):
+                raise
+            hint = f"Options come after the command: mapcli {name} {flag} ..."
+            raise click.UsageError(f"No such option {flag!r}. {hint}", ctx) from error
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=LazyGroup,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    invoke_without_command=True,
+)
 @click.version_option(__version__, package_name="mapcli", message="%(prog)s %(version)s")
-def cli() -> None:
+@click.pass_context
+def cli(ctx: click.Context) -> None:
     """2D robot mapping without ROS, after chapter 9 of Elements of Robotics.
 
     \b
@@ -86,13 +104,17 @@ def cli() -> None:
       mapcli info robot.mcap                   # what is in a log or a map
       mapcli convert map.yaml map.txt          # any map format to any other
     """
+    if ctx.invoked_subcommand is None:
+        # As click does, but to stdout. Nothing was done, so a script must not take it for done.
+        click.echo(ctx.get_help())
+        ctx.exit(EXIT_USAGE)
 
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command line and leave with an exit code.
 
-    0 done, 1 data or machine failed, 2 wrong usage, 3 quality limit not met, 130 interrupted,
-    143 terminated.
+    0 done, 1 data or machine failed, 2 wrong usage (or no command, which prints the help),
+    3 quality limit not met, 130 interrupted, 143 terminated.
     """
     arguments = list(sys.argv[1:] if args is None else args)
     debug, stdout = "--debug" in arguments, sys.stdout

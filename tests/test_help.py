@@ -88,6 +88,34 @@ def test_a_slip_of_the_pen(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().err.endswith("No such command 'xyzzy'.\n")
 
 
+@pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("slam", "slam-replay"), ("slam_replay", "slam-replay"), ("SLAM-Replay", "slam-replay"),
+        ("similarity", "similarity-table"), ("explore", "frontier"), ("eval", "evaluate"),
+        ("import_log", "import"), ("explor", "frontier"), ("help", "--help"),
+    ],
+)  # fmt: skip
+def test_what_was_meant(line: str, meant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(line, "a.mcap") == 2
+    assert capsys.readouterr().err.endswith(f"{line!r}. Did you mean {meant!r}?\n")
+
+
+def test_an_option_before_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("-q", "slam-replay", "a.mcap") == 2
+    hint = "No such option '-q'. Options come after the command: mapcli slam-replay -q ...\n"
+    assert capsys.readouterr().err.endswith(hint)
+    assert run("--frobnicate", "slam-replay", "a.mcap") == 2
+    assert "after the command" not in capsys.readouterr().err
+
+
+def test_without_a_command_the_help_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run() == 2
+    alone = capsys.readouterr()
+    assert run("--help") == 0
+    assert (alone.out, alone.err) == (capsys.readouterr().out, "")
+
+
 def completion(**environment: str) -> str:
     """What the program answers to a shell that asks for completion."""
     return subprocess.run(
