@@ -15,6 +15,7 @@ ReasonKind = Literal[
     "laser_turned",
     "range_unit",
     "angle_unit",
+    "known_map",
     "walls_twice",
     "torn",
     "odometry_alone",
@@ -23,8 +24,9 @@ ReasonKind = Literal[
 ]
 """`laser_mirrored`: scans turn the other way than the wheels; `laser_turned`: the laser looks
 elsewhere than the log says, backwards above all; `range_unit`, `angle_unit`: readings are no
-metres, angles are no radians; `walls_twice`: places passed twice do not meet; `torn`: scans that
-those taken just before and after contradict; `odometry_alone`: no scan fitted the map;
+metres, angles are no radians; `known_map`: the map that was gone on from is of another place, or
+the robot started elsewhere in it; `walls_twice`: places passed twice do not meet; `torn`: scans
+that those taken just before and after contradict; `odometry_alone`: no scan fitted the map;
 `sliding`: scans did not tell how far the robot had come, along corridors above all;
 `unconfirmed`: a long way of which nothing was seen on another visit."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import shutil
 from pathlib import Path
@@ -243,6 +244,33 @@ def test_another_building(pose: str, capsys: pytest.CaptureFixture[str]) -> None
     assert "apartment.mcap: is not of the place in the known map: only " in line
     assert "; expected a start pose in it (--initial-pose), or another map" in line
     assert files() == before
+
+
+@pytest.mark.parametrize(
+    ("pose", "text"),
+    [
+        ("0,0,0", "only "),
+        ("2,0.5,90", "only "),
+        ("100,0,0", "the scans see nothing of the known map: it is of another place, or the start"),
+    ],
+)
+def test_a_map_of_another_building_that_is_gone_on_from(
+    pose: str, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    where = ("--known", "map.yaml", "--initial-pose", pose)
+    assert replay(APARTMENT, *where, "--json", "trace.json") == 0
+    summary = json.loads(Path("trace.json").read_text())["summary"]
+    assert summary["verdict"] == "bad"
+    reason = summary["reasons"][0]
+    assert (reason["kind"], reason["try"]) == ("known_map", "--initial-pose X,Y,THETA_DEG")
+    assert reason["text"].startswith(text)
+    assert "verdict  bad\n" in capsys.readouterr().err
+    assert replay("-q", APARTMENT, *where, "--json", "t.json", "--fail-if", "verdict!=good") == 3
+
+
+def test_a_map_of_the_building_that_is_gone_on_from() -> None:
+    assert replay("-q", CORRIDOR, "--known", "map.yaml", "--json", "trace.json") == 0
+    assert json.loads(Path("trace.json").read_text())["summary"]["verdict"] == "good"
 
 
 def test_a_sensor_of_one_beam_is_found_nowhere(capsys: pytest.CaptureFixture[str]) -> None:

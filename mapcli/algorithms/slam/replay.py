@@ -19,7 +19,7 @@ from mapcli.model.grid import GridMap
 from mapcli.model.log import Damage
 from mapcli.model.pose import Pose2D
 from mapcli.model.reason import Reason
-from mapcli.model.scan import RangeScan, Record
+from mapcli.model.scan import NANOSECONDS, RangeScan, Record
 from mapcli.model.summary import ReplaySummary
 from mapcli.model.sweep_summary import SweepSummary, turn_time
 from mapcli.model.trace import PoseTrace, TracedPose
@@ -190,8 +190,20 @@ class ReplayRun:
         """What speaks against the map."""
         poses = [traced.pose for traced in trace.poses]
         sampled = [one for one in self._sample.scans if one.scan < len(poses)]
-        is_closing = self.slam.parameters.loops is not None
-        return map_reasons(trace.poses, compare_scans(sampled, poses), is_closing=is_closing)
+        duration_s = (self.poses[-1].stamp_ns - self.poses[0].stamp_ns) / NANOSECONDS
+        return (
+            *self.slam.known_map_fit.reasons(duration_s),
+            *map_reasons(trace.poses, compare_scans(sampled, poses), self._remedy()),
+        )
+
+    def _remedy(self) -> str:
+        """The option to try where places passed twice do not meet."""
+        p = self.slam.parameters
+        if p.loops is not None:
+            return "--no-loop-closing"
+        if self.slam.is_continued:  # no loops are closed then
+            return ""
+        return "--loop-closing" if p.match.search == "window" else "--search window"
 
     def _sweep_summary(self) -> SweepSummary | None:
         scan = self._timed

@@ -19,6 +19,7 @@ What is done once the log has ended, loop closure above all, is `back_end`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from copy import deepcopy
 from dataclasses import replace
 
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
@@ -64,6 +65,7 @@ class Slam:
     Attributes:
         local_map: m, the current map, and when it is updated.
         pose: c, the current position, in the map; the first scan is taken at the start pose.
+        is_continued: there was a map before.
         odometry: dead reckoning and its uncertainty; faults: hypotheses about odometry that fails.
         sweep_motion: the robot's motion while a scan is taken beam by beam.
         lost: what is known of the pose where the map does not tell it.
@@ -81,12 +83,13 @@ class Slam:
         self.parameters = p = parameters or SlamParameters()
         self.local_map = LocalMap(known or OccupancyGrid(p.map), p.local_map)
         self.pose = start or Pose2D()
-        self._is_continued = known is not None
+        self.is_continued = known is not None
         self._lasers: set[Mount] = set()  # those whose scans came by now
         self._is_localized, self._global_scans = known is None or start is not None, 0
         self.odometry = DeadReckoning(p.odometry, calibrate=p.calibrate_odometry)
         self.faults = OdometryFaults()
-        self.known_map_fit = KnownMapFit()
+        is_written = known is not None and not p.local_map.frozen
+        self.known_map_fit = KnownMapFit(deepcopy(known) if is_written else None)
         self._detects_faults = p.detect_odometry_faults and p.match.search == "window"
         self.sweep_motion = SweepMotionFilter()
         self.trajectory = TrackedTrajectory()
@@ -124,7 +127,8 @@ class Slam:
                 b = self.faults.select(c, uncertainty, b, scan_in_map, self._history)
             self._update_history(c, b)
             self.lost.update(b, uncertainty, self.odometry.step_s)
-            self.known_map_fit.add(b, len(p.hits))
+            if self.is_continued:
+                self.known_map_fit.add(b, p, self.parameters.match)
         n = b.pose  # 9: replace new position by best position
         self.odometry.compare(c.between(n))
         in_map = self._is_localized and self._update_map(n, p, scan.mount)  # 10: update map
@@ -166,7 +170,7 @@ class Slam:
     def _is_known_from(self, laser: Mount) -> bool:
         """Whether the map holds what a laser there sees: the first scan of one that looks back
         would be matched with the edges of what one that looks ahead has seen."""
-        is_known = self._is_continued or laser in self._lasers
+        is_known = self.is_continued or laser in self._lasers
         self._lasers.add(laser)
         return is_known
 

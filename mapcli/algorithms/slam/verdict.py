@@ -55,20 +55,18 @@ MOST_SPANS = 20
 def map_reasons(
     poses: Sequence[TracedPose],
     agreements: Sequence[Agreement],
-    *,
-    is_closing: bool,
+    remedy: str = "",
 ) -> tuple[Reason, ...]:
     """What makes a map doubtful or bad, of the map itself.
 
     Args:
         poses: of every scan, as they are in the map.
         agreements: of some of the scans, in time order.
-        is_closing: whether loops were searched for.
+        remedy: the option to try where places passed twice do not meet.
     """
     if not poses:
         return ()
     run = _Run(poses, agreements)
-    remedy = "--no-loop-closing" if is_closing else "--loop-closing"
     return (
         *run.contradicting("walls_twice", MEET_NOT, lambda one: one.apart, remedy),
         *run.contradicting("torn", LOST, lambda one: one.near),

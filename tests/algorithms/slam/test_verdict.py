@@ -28,9 +28,9 @@ def agreements(count: int, against: range = range(0)) -> list[Agreement]:
 
 
 def reasons(
-    poses: list[TracedPose], found: list[Agreement], *, is_closing: bool = True
+    poses: list[TracedPose], found: list[Agreement], remedy: str = ""
 ) -> tuple[Reason, ...]:
-    return map_reasons(poses, found, is_closing=is_closing)
+    return map_reasons(poses, found, remedy)
 
 
 def test_a_map_that_agrees_with_itself_is_good() -> None:
@@ -48,16 +48,16 @@ def test_contradictions_count_by_their_share(against: range, verdict: Verdict) -
     if found:
         assert found[0].kind == "walls_twice"
         assert (found[0].from_s, found[0].to_s) == (against[0], against[-1])
-        assert found[0].remedy == "--no-loop-closing"
+        assert found[0].remedy == ""
 
 
 def test_spans_are_parted_where_nothing_contradicts_for_a_while() -> None:
     found = agreements(100)
     for k in (10, 11, 18, 40, 41):
         found[k] = Agreement(k, 0.9, 0.0)
-    spans = [(one.from_s, one.to_s) for one in reasons(driven(100), found, is_closing=False)]
+    spans = [(one.from_s, one.to_s) for one in reasons(driven(100), found)]
     assert spans == [(10, 18), (40, 41)]
-    assert reasons(driven(100), found, is_closing=False)[0].remedy == "--loop-closing"
+    assert reasons(driven(100), found, "--loop-closing")[0].remedy == "--loop-closing"
 
 
 def test_scans_nearby_tell_that_tracking_was_lost() -> None:
@@ -116,4 +116,4 @@ def test_the_worst_reason_decides() -> None:
 
 
 def test_no_scans_no_reasons() -> None:
-    assert map_reasons([], [], is_closing=True) == ()
+    assert map_reasons([], []) == ()
