@@ -12,12 +12,15 @@ from mapcli import load_map
 from mapcli.algorithms.similarity.comparisons import Comparison, comparison_of
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.documents.perception_reader import read_perception
+from mapcli.formats.file_kind import Role, expecting
 from mapcli.formats.input import DigestingReader
 from mapcli.formats.maps.load import sniff
 from mapcli.formats.maps.save import SUFFIXES
 from mapcli.model.grid import GridMap
 from mapcli.model.perception import LandmarkPerception, Perceived, PerceptionDatabase
 from mapcli.model.world import World
+
+POINTS_MAP = "a points map for landmarks, YAML with points: [[x, y], ...]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,17 +53,20 @@ def load_comparison(
         raise click.UsageError(f"Expected {expected}; got {len(files)} of them.")
     read = DigestingReader()
     name = files[-1]
-    perception = read_perception(read(Path(name)), name, low)
+    with expecting(name, "a perception", Role.PERCEPTION):
+        perception = read_perception(read(Path(name)), name, low)
     if isinstance(perception, PerceptionDatabase):
         raise FormatError("is a database", file=name, expected="a scan, landmarks or grids; "
                           "databases go to --database")  # fmt: skip
     if database:
-        found = read_perception(read(Path(database)), database)
+        with expecting(database, "a database of perceptions", Role.PERCEPTION):
+            found = read_perception(read(Path(database)), database)
         if not isinstance(found, PerceptionDatabase):
             raise FormatError("is one perception", file=database, expected="kind: database")
         return Loaded(_compare(found, perception, name), name, read.digests)
     if isinstance(perception, LandmarkPerception):
-        world = _points(read(Path(files[0])), files[0])
+        with expecting(files[0], POINTS_MAP, Role.WORLD):
+            world = _points(read(Path(files[0])), files[0])
         return Loaded(_compare(world, perception, name), name, read.digests)
     loaded = load_map(files[0], dialect=dialect, read=read)
     warnings = tuple(f"{files[0]}: {warning}" for warning in loaded.warnings)
@@ -86,12 +92,11 @@ def _points(data: bytes, file: str) -> World:
     """
     from mapcli.formats.documents.world import read_world
 
-    expected = "a points map for landmarks, YAML with points: [[x, y], ...]"
     if (SUFFIXES.get(Path(file).suffix.lower()) or sniff(data)) != "yaml":
-        raise FormatError("is no YAML", file=file, expected=expected)
+        raise FormatError("is no YAML", file=file, expected=POINTS_MAP)
     if b"points" not in data:
-        raise FormatError("holds no points", file=file, expected=expected)
+        raise FormatError("holds no points", file=file, expected=POINTS_MAP)
     world = read_world(data, file)
     if not len(world.points):
-        raise FormatError("holds no points", file=file, expected=expected)
+        raise FormatError("holds no points", file=file, expected=POINTS_MAP)
     return world

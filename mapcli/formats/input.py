@@ -24,6 +24,9 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 SPOOLED_BYTES = 1 << 16
 
+SNIFFED_BYTES = 1 << 16
+"""Of the beginning of a file, enough to tell what it is."""
+
 OPEN_FILES = Path("/proc/self/fd")
 """Linux's folder of the files that this process has open, each to be opened once more from its
 start; a copy of the descriptor, as elsewhere, would share its position."""
@@ -39,7 +42,9 @@ def read_file(path: Path, expected: str = "a map file") -> bytes:
         FormatError: no such file, a directory, not readable.
     """
     if str(path) == "-":
-        return standard_input().read()
+        data = standard_input().read()
+        _starts["-"] = data[:SNIFFED_BYTES]
+        return data
     try:
         if _is_endless(path):
             raise FormatError("is a device", file=path, expected=expected)
@@ -53,6 +58,21 @@ def read_file(path: Path, expected: str = "a map file") -> bytes:
     except (OSError, ValueError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise FormatError(f"cannot be read: {reason.lower()}", file=path) from error
+
+
+def first_bytes(path: Path) -> bytes:
+    """The beginning of a file; of standard input, whether it has been read already or not.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    if str(path) == "-":
+        # Looked at, not taken: the reader that is chosen reads from the first byte on.
+        return _starts.get("-") or standard_input().peek(SNIFFED_BYTES)[:SNIFFED_BYTES]
+    if _is_endless(path):
+        return b""
+    with reopenable(path).path.open("rb") as file:
+        return file.read(SNIFFED_BYTES)
 
 
 def standard_input() -> BufferedReader:
@@ -86,6 +106,9 @@ _kept: dict[str, Reopenable] | None = None
 _names: dict[str, None] = {}
 """All files that it has read, in order (see `names_read`)."""
 
+_starts: dict[str, bytes] = {}
+"""The beginning of what it has read from standard input, which cannot be read again."""
+
 
 @contextmanager
 def pipes_kept() -> Iterator[None]:
@@ -106,6 +129,7 @@ def names_read() -> list[str]:
 def forget_names() -> None:
     """Let `names_read` begin anew."""
     _names.clear()
+    _starts.clear()
 
 
 def reopenable(path: Path) -> Reopenable:

@@ -118,7 +118,7 @@ def test_candidates_in_obstacles_are_left_out(capsys: Capture) -> None:
         ((CORNER, "--pose", "90,5,0"), "outside the map; expected a place in its 8 rows"),
         ((POINTS, "--cell", "0,0"), "expected x and y, because the map has no cells"),
         ((APARTMENT, "--at", "500"), "no scan at 500 s; expected a time up to 101.6 s"),
-        ((CORNER, "--at", "5"), "is no log that mapcli knows"),
+        ((CORNER, "--at", "5"), "is a text map; draw it with mapcli render"),
         (("nope.yaml", "--pose", "0,0,0"), "nope.yaml: no such file"),
     ],
 )

@@ -330,7 +330,8 @@ PLACE = "pose: {cell: [4, 6], heading_deg: 90}\nrange_max: 5\n"
         ("kind: grids\ncandidates:\n- {position: a, turn_deg: 0, rows: ['1 0.5']}",
          "cell '0.5'; expected -1, 0, 1 or ? (or cells: probability)"),
         ("kind: landmarks\npose: {x: 0, y: 0, theta: 0}\nmeasured: [[1, 2]]",
-         "corner.txt: is no YAML; expected a points map for landmarks"),
+         "corner.txt: is a text map; draw it with mapcli render, or go on with it with mapcli "
+             "slam-replay LOG --known; expected a points map for landmarks"),
         ("kind: [scan", "broken YAML"),
         ("", "is empty; expected a perception"),
     ],

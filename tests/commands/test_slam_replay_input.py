@@ -70,7 +70,8 @@ SMALL_FILES = {
     ),
     "picture.mcap": (
         b"\x89PNG\r\n\x1a\n" + bytes(100),
-        "picture.mcap: is no log that mapcli knows; expected an MCAP file or a CARMEN log",
+        "picture.mcap: is a PNG image; draw it with mapcli render, or go on with it with mapcli "
+        "slam-replay LOG --known; expected an MCAP file or a CARMEN log",
     ),
     "ros1.bag": (
         b"#ROSBAG V2.0\n" + bytes(100),

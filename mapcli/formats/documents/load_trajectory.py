@@ -14,6 +14,7 @@ import numpy as np
 from mapcli.errors import FormatError
 from mapcli.formats.documents.pose_trace import read_trace_poses
 from mapcli.formats.documents.trajectory_text import EXPECTED, read_trajectory
+from mapcli.formats.file_kind import Role, expecting
 from mapcli.formats.input import MCAP_MAGIC, read_file, sha256_of, spooled, unpacked
 from mapcli.model.trajectory import Trajectory
 
@@ -40,18 +41,24 @@ def load_trajectory(path: str | Path, topic: str | None = None) -> LoadedTraject
             that go back.
         DataError: no topic with poses, or no obvious one.
     """
-    packed, path = read_file(Path(path), EXPECTED), str(path)
-    data, digest = unpacked(packed, path), sha256_of(packed)
-    if data.startswith(MCAP_MAGIC):
-        trajectory, warnings = _from_mcap(data, path, topic)
-        return LoadedTrajectory(trajectory, digest, warnings)
+    path = str(path)
+    with expecting(path, "a trace", Role.TRACE):
+        packed = read_file(Path(path), EXPECTED)
+        data, digest = unpacked(packed, path), sha256_of(packed)
+        if not data.startswith(MCAP_MAGIC):
+            return LoadedTrajectory(_from_text(data, path, topic), digest)
+    trajectory, warnings = _from_mcap(data, path, topic)
+    return LoadedTrajectory(trajectory, digest, warnings)
+
+
+def _from_text(data: bytes, file: str, topic: str | None) -> Trajectory:
     if topic is not None:
-        raise FormatError(f"has no topic {topic}", file=path, expected="an MCAP file")
-    if data.lstrip()[:1] == b"{":
-        trajectory = read_trace_poses(data, path)
-        _check(trajectory, path)
-        return LoadedTrajectory(trajectory, digest)
-    return LoadedTrajectory(read_trajectory(data, path), digest)
+        raise FormatError(f"has no topic {topic}", file=file, expected="an MCAP file")
+    if data.lstrip()[:1] != b"{":
+        return read_trajectory(data, file)
+    trajectory = read_trace_poses(data, file)
+    _check(trajectory, file)
+    return trajectory
 
 
 def _from_mcap(data: bytes, file: str, topic: str | None) -> tuple[Trajectory, tuple[str, ...]]:

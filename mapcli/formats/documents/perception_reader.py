@@ -55,6 +55,7 @@ from mapcli.formats.documents.perception_fields import (
     pose_of,
     steps_and_turns,
 )
+from mapcli.formats.file_kind import Role, expecting
 from mapcli.formats.input import read_file
 from mapcli.formats.maps.text import CHARACTER_ROW
 from mapcli.formats.yaml_mapping import YamlMapping
@@ -84,7 +85,8 @@ def load_perception(path: str | Path, low: float = OCCUPIED_THRESHOLD) -> Percei
     Raises:
         FormatError: naming line and key.
     """
-    return read_perception(read_file(Path(path)), str(path), low)
+    with expecting(path, "a perception", Role.PERCEPTION):
+        return read_perception(read_file(Path(path), "a perception"), str(path), low)
 
 
 def read_perception(data: bytes, file: str, low: float = OCCUPIED_THRESHOLD) -> Perceived:

@@ -15,6 +15,7 @@ import numpy as np
 
 from mapcli.errors import FormatError
 from mapcli.formats.documents.trajectory_text import columns, rows_of_words, stamp_ns
+from mapcli.formats.file_kind import Role, expecting
 from mapcli.formats.input import read_file, unpacked
 from mapcli.model.pose import FARTHEST_M
 from mapcli.model.trajectory import Relations
@@ -33,7 +34,12 @@ def load_relations(path: str | Path) -> Relations:
     Raises:
         FormatError: no such file, no relations in it, or a line that is not one.
     """
-    data, path = read_file(Path(path), "a file of relations"), str(path)
+    wanted = "a file of relations"
+    with expecting(path, wanted, Role.RELATIONS):
+        return _read(read_file(Path(path), wanted), str(path))
+
+
+def _read(data: bytes, path: str) -> Relations:
     data = unpacked(data, path)
     starts, ends, poses = [], [], []
     for line, words in rows_of_words(data):

@@ -15,6 +15,7 @@ from pathlib import Path
 import yaml
 
 from mapcli.errors import DataError, FormatError
+from mapcli.formats.file_kind import Role, expecting
 from mapcli.formats.input import read_file
 from mapcli.formats.yaml_mapping import YamlMapping
 from mapcli.model.waypoint import Waypoint
@@ -30,7 +31,8 @@ def load_waypoints(path: str | Path) -> list[Waypoint]:
         FormatError: not readable, empty, or a bad waypoint, naming its line.
     """
     path = Path(path)
-    waypoints = read_waypoints(read_file(path), str(path))
+    with expecting(path, "a list of waypoints", Role.WAYPOINTS):
+        waypoints = read_waypoints(read_file(path, "a list of waypoints"), str(path))
     if not waypoints:
         raise FormatError("has no waypoints", file=path, expected=f"lines of {EXPECTED}")
     return waypoints

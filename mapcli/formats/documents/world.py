@@ -22,6 +22,7 @@ import yaml
 from numpy.typing import NDArray
 
 from mapcli.errors import DataError
+from mapcli.formats.file_kind import Role, expecting
 from mapcli.formats.input import read_file
 from mapcli.formats.maps.load import load_map, sniff
 from mapcli.formats.maps.save import SUFFIXES
@@ -57,8 +58,12 @@ def load_world(path: str | Path, *, y_down: bool = False) -> LoadedWorld:
     Raises:
         FormatError: the file holds neither, naming line and key.
     """
-    path = Path(path)
-    data = read_file(path)
+    with expecting(path, "a world: a continuous map or a grid map", Role.WORLD, Role.MAP):
+        return _load(Path(path), y_down)
+
+
+def _load(path: Path, y_down: bool) -> LoadedWorld:
+    data = read_file(path, "a world")
     if (SUFFIXES.get(path.suffix.lower()) or sniff(data)) == "yaml":
         document = YamlMapping.parse(data, str(path))
         if not KEYS.isdisjoint(document.nodes) and "image" not in document.nodes:

@@ -7,9 +7,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from mapcli.errors import FormatError
+from mapcli.formats.file_kind import kind_of
 from mapcli.formats.input import (
     GZIP_MAGIC,
     MCAP_MAGIC,
+    SNIFFED_BYTES,
     Reopenable,
     reopenable,
     spooled,
@@ -24,8 +26,6 @@ from mapcli.model.log import Damage, LogOptions
 __all__ = ["Log", "open_log"]
 
 DEFAULTS = LogOptions()
-
-SNIFFED_BYTES = 1 << 16
 
 EXPECTED = "an MCAP file or a CARMEN log"
 
@@ -124,7 +124,10 @@ def _kind(source: Source) -> str:
     if not start:
         raise FormatError("is empty", file=source.name, expected=EXPECTED)
     if not looks_like_carmen(start):
-        raise FormatError("is no log that mapcli knows", file=source.name, expected=EXPECTED)
+        with source.path.open("rb") as file:
+            kind = kind_of(file.read(SNIFFED_BYTES), source.name)
+        what = f"is {kind}" if kind else "is no log that mapcli knows"
+        raise FormatError(what, file=source.name, expected=EXPECTED)
     return "CARMEN"
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapcli.errors import FormatError
+from mapcli.formats.file_kind import Role, expecting
 from mapcli.formats.input import ReadBytes, read_file
 from mapcli.formats.maps.dialects import Dialect
 from mapcli.formats.maps.image_cells import cells_of_image
@@ -73,7 +74,8 @@ def load_map(
         FormatError: the file, or the image it names, does not hold a map.
         DataError: a resolution that is not positive.
     """
-    loaded = _load(Path(path), form, _Reading(dialect, resolution, origin, read, lenient))
+    with expecting(path, "a map", Role.MAP):
+        loaded = _load(Path(path), form, _Reading(dialect, resolution, origin, read, lenient))
     if resolution is None and origin is None:
         return loaded
     grid = loaded.grid

@@ -84,14 +84,6 @@ def read_yaml(data: bytes, file: str, *, lenient: bool = False) -> ImageMeta | C
     document = YamlMapping.parse(data, file)
     if "cells" in document.nodes:
         return _read_cells(document, len(data), lenient=lenient)
-    if "image" not in document.nodes and not document.nodes.keys().isdisjoint(
-        ("polygons", "points")
-    ):
-        raise FormatError(
-            "holds a continuous map (polygons or points)",
-            file=file,
-            expected="a grid map; `mapcli rasterize` turns polygons into one",
-        )
     return read_image_meta(document, lenient=lenient)
 
 

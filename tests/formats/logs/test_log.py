@@ -238,7 +238,7 @@ def test_settled_angles_survive_a_quaternion(angle: float) -> None:
     [
         (b"", "is empty; expected an MCAP file or a CARMEN log"),
         (b"hello\n", "is no log that mapcli knows"),
-        (b"P5\n1 1\n255\n0", "is no log that mapcli knows"),
+        (b"P5\n1 1\n255\n0", "is a PGM map; .*mapcli render.*; expected an MCAP file"),
         (b"#ROSBAG V2.0\n", "is a ROS 1 bag; convert it first: rosbags-convert --src"),
         (b"SQLite format 3\0", "is part of a ROS 2 bag in SQLite"),
         (b"BZh91AY", "is packed with bzip2; unpack it first"),

@@ -121,7 +121,10 @@ def test_malformed_pair(tmp_path: Path, changes: dict[str, str | None], message:
         ("image: [" + "[" * 60, "lists nested deeper than 50"),
         ("image: \x01\n", "broken YAML: "),
         ("a: &x [1]\nb: *y\n", "line 2: broken YAML: found undefined alias"),
-        ("polygons: [[[0, 0], [1, 0], [0, 1]]]\n", "holds a continuous map"),
+        (
+            "polygons: [[[0, 0], [1, 0], [0, 1]]]\n",
+            "is a continuous map; make a grid map of it with mapcli rasterize",
+        ),
         ("cells: {}\n", "line 1: cells: a mapping; expected a list of rows"),
         ("cells: []\n", "no rows of cells"),
         ("cells:\n  - 0 1\n  - 0\n", "line 3: a row of 1 cells; expected 2"),
