@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
-from mapcli.commands._options import NOT_NEGATIVE, POSE, POSITIVE
+from mapcli.commands._options import NOT_NEGATIVE, POSE
 from mapcli.commands._say import say, warn
 from mapcli.formats.logs.open_log import Log, open_log
 from mapcli.model.log import ALL_TOPICS, LogOptions
@@ -115,10 +115,10 @@ OPTIONS = (
     ),
     click.option(
         "--turn-time",
-        type=POSITIVE,
+        type=NOT_NEGATIVE,
         metavar="S",
         help="Seconds of a full turn of a laser that spins: its beams are taken one after "
-        "another.  [default: as the log's time_increment says]",
+        "another; 0: all at once.  [default: as the log's time_increment says, or its scans show]",
     ),
     click.option(
         "--scan-stamp",

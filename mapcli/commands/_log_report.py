@@ -16,6 +16,7 @@ from mapcli.model.counting import counted
 from mapcli.model.log import LogOptions, Topic
 from mapcli.model.reason import Reason
 from mapcli.model.scan import Mount, RangeScan, Record
+from mapcli.model.sweep_summary import LOOKS_TURNING, beams_text
 
 DELAY_S = 1.0
 """Scans and odometry recorded with delays that differ by more than this have other clocks."""
@@ -125,6 +126,8 @@ def _scans(log: Log, check: LogCheck) -> dict[str, Any]:
         "range_max": check.range_limits[1] if math.isfinite(check.range_limits[1]) else None,
         "turn_time_s": round(check.turn_time_s, 6),
         "sweep_time_s": round(check.sweep_time_s, 6),
+        "turn_time_found": check.turn_time_found,
+        "beam_order": check.beam_order,
         "no_return_share": round(beams.no_return / max(beams.total, 1), 6),
         "too_close_share": round(beams.too_close / max(beams.total, 1), 6),
         "invalid_share": round(beams.invalid / max(beams.total, 1), 6),
@@ -235,9 +238,12 @@ def _scan_lines(scans: dict[str, Any]) -> Iterator[str]:
     field = f"from {low:g} to {high:g} deg{limit}"
     yield f"  scans       {scans['count']:,}{period}; {beams} beams {field}"
     if scans["turn_time_s"]:
+        turn = f"{scans['turn_time_s']:g} s"
+        if scans["turn_time_found"]:
+            turn = LOOKS_TURNING.format(scans["turn_time_s"])
         yield (
-            f"  turn        {scans['turn_time_s']:g} s, and {scans['sweep_time_s']:g} s from the "
-            "first beam of a scan to the last"
+            f"  turn        {turn}; {scans['sweep_time_s']:.3g} s from the first beam of a scan to "
+            f"the last, {beams_text(scans['beam_order'])}"
         )
     yield (
         f"  beams       {scans['no_return_share']:.1%} without return, "

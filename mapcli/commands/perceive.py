@@ -164,12 +164,12 @@ def _from_log(
     """
     from mapcli import extract_scan
     from mapcli.algorithms.scans.scan_extraction import scan_perception
-    from mapcli.algorithms.slam.beam_order import BeamOrderSearch
+    from mapcli.algorithms.slam.sweep_search import SweepSearch
 
     log = log_input.open([source])
     part = log_input.start_s, log_input.end_s, log_input.every
     try:
-        found = extract_scan(log.records(), at, *part, settled=BeamOrderSearch().settled)
+        found = extract_scan(log.records(), at, *part, settled=SweepSearch().settled)
         perception = scan_perception(found.scan, found.pose())
     except DataError as error:
         error.file = error.file or log.name

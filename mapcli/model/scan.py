@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.model.pose import Pose2D
-from mapcli.model.sweep import AT_ONCE, BeamTiming, SweepMotion
+from mapcli.model.sweep import AT_ONCE, BeamOrder, BeamTiming, SweepMotion
 
 NANOSECONDS = 1_000_000_000
 """In a second."""
@@ -114,6 +115,17 @@ def _directions(
     """Unit vectors along the beams, shape (n, 2); the scans of a log share a few geometries."""
     bearings = _bearings(beams, angle_min, angle_increment, flipped)
     return np.column_stack([np.cos(bearings), np.sin(bearings)])
+
+
+def in_order(scan: RangeScan, order: BeamOrder) -> RangeScan:
+    """A scan whose beams are taken in an order."""
+    return replace(scan, timing=replace(scan.timing, order=order))
+
+
+def turning(scan: RangeScan, turn_s: float, order: BeamOrder) -> RangeScan:
+    """A scan whose beams are taken in an order, of a laser whose full turn takes some seconds."""
+    increment = turn_s * abs(scan.angle_increment) / math.tau
+    return replace(scan, timing=replace(scan.timing, increment=increment, order=order))
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,10 @@ class Crispness:
     at_once: float
 
 
+LOOKS_TURNING = "looks as if a turn took {:.3g} s (used; --turn-time 0 takes all beams at once)"
+"""What is said of seconds of a turn that were found."""
+
+
 @dataclass(frozen=True, slots=True)
 class SweepSummary:
     """How long scans took, and what it was worth to know that.
@@ -33,12 +37,14 @@ class SweepSummary:
         order: in which the beams of the array were taken, as told or found; None if the log does
             not show it, and they count as taken forward.
         crispness: None if the poses were not refined.
+        is_found: the log tells no times; they are found from its scans.
     """
 
     turn_time_s: float
     sweep_time_s: float
     order: BeamOrder | None
     crispness: Crispness | None = None
+    is_found: bool = False
 
     def document(self) -> dict[str, Any]:
         """For a file."""
@@ -46,6 +52,7 @@ class SweepSummary:
         return {
             "turn_time_s": round(self.turn_time_s, 6),
             "sweep_time_s": round(self.sweep_time_s, 6),
+            "turn_time_found": self.is_found,
             "beam_order": self.order,
             "points_on_walls": None if c is None else round(c.deskewed, 4),
             "points_on_walls_at_once": None if c is None else round(c.at_once, 4),
@@ -53,14 +60,20 @@ class SweepSummary:
 
     def text(self) -> str:
         """For a person."""
-        order = f"beams {self.order}" if self.order else "beams forward, as far as the log shows"
-        text = f"a turn takes {self.turn_time_s:.3g} s, {order}"
+        text = f"a turn takes {self.turn_time_s:.3g} s, {beams_text(self.order)}"
+        if self.is_found:
+            text = f"{LOOKS_TURNING.format(self.turn_time_s)}, {beams_text(self.order)}"
         if self.crispness is None:
             return text
         deskewed, at_once = 100 * self.crispness.deskewed, 100 * self.crispness.at_once
         return (
             f"{text}; deskewed, {deskewed:.1f} % of the points lie on walls, else {at_once:.1f} %"
         )
+
+
+def beams_text(order: BeamOrder | None) -> str:
+    """In which order beams are taken; None is not known."""
+    return f"beams {order}" if order else "beams forward, as far as the log shows"
 
 
 def turn_time(scan: RangeScan) -> float:

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.mount_check import MountCheck, MountFinding
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
+from mapcli.algorithms.slam.sweep_search import SweepSearch
 from mapcli.model.pose import wrap_angle
 from mapcli.model.scan import Odometry, RangeScan, Record
+from mapcli.model.sweep import BeamOrder
 from mapcli.model.sweep_summary import turn_time
 
 GAP_PERIODS = 5.0
@@ -61,6 +63,8 @@ class LogCheck:
         bearings: least and greatest bearing in the laser's frame.
         turn_time_s: of a full turn of the laser, at most; sweep_time_s: from the first beam of a
             scan to the last; 0 if all beams are taken at once.
+        turn_time_found: the log tells no times of beams; its scans show them.
+        beam_order: in which the beams of the array are taken; None if that is not known.
         range_limits: least `range_min` and greatest `range_max` of the scans.
         repeated_scans: scans with the same ranges as the one before.
         scans_outside_odometry: scans before the first or after the last odometry.
@@ -80,6 +84,8 @@ class LogCheck:
     range_limits: tuple[float, float]
     turn_time_s: float
     sweep_time_s: float
+    turn_time_found: bool
+    beam_order: BeamOrder | None
     repeated_scans: int
     scans_outside_odometry: int
     distance_m: float
@@ -103,13 +109,14 @@ class _LogFacts:
         self.repeated = self.jumps = 0
         self.distance = self.turned = 0.0
         self.first_jump_at_s: float | None = None
-        self.mount = MountCheck()
+        self.mount, self.sweeps = MountCheck(), SweepSearch()
+        self.order: BeamOrder | None = None
         self._last_scan: RangeScan | None = None
         self._last_odometry: Odometry | None = None
 
     def added(self, records: Iterable[Record]) -> Iterator[Record]:
-        """The records, gathering their facts."""
-        for record in records:
+        """The records, gathering their facts; scans with the times of their beams."""
+        for record in self.sweeps.settled(records):
             self.add(record)
             yield record
 
@@ -133,6 +140,8 @@ class _LogFacts:
             extremes[0], extremes[1] = min(extremes[0], least), max(extremes[1], most)
         self.turn_s = max(self.turn_s, turn_time(scan))
         self.sweep_s = max(self.sweep_s, scan.timing.span(n))
+        if scan.timing.increment:
+            self.order = self.sweeps.order if self.sweeps.was_needed else scan.timing.order
         last = self._last_scan
         if last is not None and np.array_equal(last.ranges, scan.ranges, equal_nan=True):
             self.repeated += 1
@@ -170,6 +179,8 @@ class _LogFacts:
             (self.limits[0], self.limits[1]) if len(scans) else (0.0, 0.0),
             self.turn_s,
             self.sweep_s,
+            self.sweeps.turn_s > 0,
+            self.order,
             self.repeated,
             outside,
             self.distance,

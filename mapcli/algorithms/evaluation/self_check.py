@@ -23,13 +23,13 @@ from mapcli.algorithms.evaluation.trajectory_error import nearest_stamps
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.slam.agreement import agreement
-from mapcli.algorithms.slam.beam_order import BeamOrderSearch
 from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.match import MIN_POINTS, MatchParameters
 from mapcli.algorithms.slam.motion_model import OdometryUncertainty
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.scan_matcher import match_scan
 from mapcli.algorithms.slam.scan_points import voxel_filtered
+from mapcli.algorithms.slam.sweep_search import SweepSearch
 from mapcli.errors import DataError
 from mapcli.model.evaluation import Evaluation
 from mapcli.model.pose import Pose2D, interpolate
@@ -154,7 +154,7 @@ def _scans_of(
     """
     assert trace.stamps_ns is not None
     stamps, scans = trace.stamps_ns[wanted], dict[int, Perception]()
-    for scan, _ in BeamOrderSearch().settled(odometry_at_scans(records)):
+    for scan, _ in odometry_at_scans(SweepSearch().settled(records)):
         at, _ = nearest_stamps(stamps, np.array([scan.stamp_ns]), SAME_STAMP_S)
         if len(at):
             scans[wanted[int(at[0])]] = perceive(scan, PerceptionParameters())

@@ -89,15 +89,20 @@ NOTHING_SEEN = Perception(np.empty((0, 2)), np.empty((0, 2)), np.zeros(2))
 """The perception before the first scan."""
 
 
+def range_limits(scan: RangeScan, parameters: PerceptionParameters) -> tuple[float, float]:
+    """The nearest and the farthest reading of a scan that count as hits, metres."""
+    nearest = scan.range_min if parameters.range_min is None else parameters.range_min
+    farthest = scan.range_max if parameters.range_max is None else parameters.range_max
+    return nearest, min(farthest, FARTHEST)
+
+
 def perceive(scan: RangeScan, parameters: PerceptionParameters) -> Perception:
     """The perception map of a scan: obstacles at the ends of its beams, and open space along them.
 
     Beams without return count as `parameters.no_return` says. Beams that were taken one after
     another are deskewed, if the robot's motion is known.
     """
-    nearest = scan.range_min if parameters.range_min is None else parameters.range_min
-    farthest = scan.range_max if parameters.range_max is None else parameters.range_max
-    farthest = min(farthest, FARTHEST)
+    nearest, farthest = range_limits(scan, parameters)
     open_ends = np.empty((0, 2))  # `ignore`
     if parameters.no_return == "clear":
         open_ends = scan.free_ends(farthest)

@@ -49,15 +49,15 @@ def extract_scan(
     start_s: float | None = None,
     end_s: float | None = None,
     every: int = 1,
-    settled: Callable[[Iterable[ScanAtOdometry]], Iterable[ScanAtOdometry]] = iter,
+    settled: Callable[[Iterable[Record]], Iterable[Record]] = iter,
 ) -> ExtractedScan:
     """The scan nearest to a time after the log's first record; of two, the earlier one.
 
     Args:
         records: of the whole log, in stamp order.
         start_s, end_s, every: which of its scans are considered, see `model.selection.select`.
-        settled: what finds the order of the beams where the log does not tell it
-            (`slam.beam_order`); that of the array by default.
+        settled: what finds when beams are taken where the log does not tell it
+            (`slam.sweep_search`); by default, in the order of the array.
 
     Raises:
         DataError: the time is outside the log.
@@ -66,7 +66,7 @@ def extract_scan(
     first = list(islice(records, 1))
     start_ns = first[0].stamp_ns if first else 0
     selected = select(chain(first, records), start_s, end_s, every)
-    return _nearest(settled(odometry_at_scans(selected)), start_ns, seconds)
+    return _nearest(odometry_at_scans(settled(selected)), start_ns, seconds)
 
 
 def _nearest(scans: Iterable[ScanAtOdometry], start_ns: int, seconds: float) -> ExtractedScan:

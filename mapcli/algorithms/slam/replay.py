@@ -9,10 +9,10 @@ from itertools import pairwise
 from mapcli.algorithms.scans.mount_check import MountCheck
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.slam.back_end import BackEndResult
-from mapcli.algorithms.slam.beam_order import BeamOrderSearch
 from mapcli.algorithms.slam.contradictions import ScanSample, compare_scans
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
+from mapcli.algorithms.slam.sweep_search import SweepSearch
 from mapcli.algorithms.slam.verdict import map_reasons, verdict_of
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
@@ -83,7 +83,7 @@ class ReplayRun:
         interrupted: it was stopped early; stopped_by: the signal, if it was one.
         kept: the scans whose numbers are in `keep`.
         mount: whether the laser sits where the log says.
-        beam_order: in which order the beams of a scan are taken.
+        sweeps: when the beams of a scan are taken, where the log does not tell.
     """
 
     def __init__(self, slam: Slam, keep: Container[int] = ()) -> None:
@@ -94,14 +94,14 @@ class ReplayRun:
         self.stopped_by: KeyboardInterrupt | None = None
         self.kept: dict[int, RangeScan] = {}
         self.mount = MountCheck()
-        self.beam_order = BeamOrderSearch(slam.parameters)
+        self.sweeps = SweepSearch(slam.parameters)
         self._timed: RangeScan | None = None  # the first whose beams are not taken at once
         self._keep, self._scans_read = keep, 0
         self._sample = ScanSample()
 
     def track(self, records: Iterable[Record]) -> Iterator[TracedPose]:
         """Every scan with its pose, as the log goes on."""
-        scans = self.beam_order.settled(odometry_at_scans(self._counted(records)))
+        scans = odometry_at_scans(self.sweeps.settled(self._counted(records)))
         for scan, odom in self.mount.watched(scans):
             if self._timed is None and scan.first_ns < scan.last_ns:
                 self._timed = scan
@@ -209,7 +209,8 @@ class ReplayRun:
         scan = self._timed
         if scan is None:
             return None
-        told = self.beam_order.found if self.beam_order.was_needed else scan.timing.order
+        order = self.sweeps.order if self.sweeps.was_needed else scan.timing.order
         crispness = self.finalised.crispness if self.finalised else None
         sweep_s = scan.timing.span(len(scan.ranges))
-        return SweepSummary(turn_time(scan), sweep_s, told, crispness)
+        found = self.sweeps.turn_s > 0
+        return SweepSummary(turn_time(scan), sweep_s, order, crispness, is_found=found)

@@ -36,7 +36,7 @@ def with_beam_times(
         options: `scan_stamp`, `turn_time` and `beam_order`.
         note: called with a sentence about times that are not used.
     """
-    if options.turn_time is not None:
+    if options.turn_time is not None:  # 0: all at once, which is not searched for then
         for record in records:
             yield _turning(record, options.turn_time, options)
         return
@@ -60,7 +60,8 @@ def _turning(record: Entry, turn_time: float, options: LogOptions) -> Entry:
 
 
 def _timing(increment: float, options: LogOptions) -> BeamTiming:
-    return BeamTiming(increment, options.scan_stamp, options.beam_order)
+    order = options.beam_order if increment else "forward"
+    return BeamTiming(increment, options.scan_stamp, order)
 
 
 def _next_scans(records: Iterator[Entry]) -> Iterator[Entry]:

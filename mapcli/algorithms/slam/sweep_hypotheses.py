@@ -1,0 +1,130 @@
+"""Some scans tracked as if their beams were taken at one time and at another (`sweep_search`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
+from mapcli.algorithms.slam.slam import SlamParameters
+from mapcli.algorithms.slam.sweep_trial import SweepTrial
+from mapcli.model.pose import Pose2D
+from mapcli.model.scan import RangeScan, Record, in_order, turning
+from mapcli.model.sweep import BeamOrder
+
+SUSPECT = 3.0
+"""Standard deviations of what scans ask for as the time of a turn, from which on times are tried:
+more than one in 400 logs shows by chance."""
+
+LONGEST_TURN_S = 0.5
+"""Lasers on robots turn twice a second at least."""
+
+TRIES, STEP, LEFT = 6, 0.3, 0.1
+"""Times that are tried for a turn, at most; how far a time is from the last until the right one
+lies between two, a share; and how much scans may still ask for there, of what they asked for
+without."""
+
+
+def search_for(scan: RangeScan, parameters: SlamParameters | None) -> OrderSearch | TimeSearch:
+    """The search for what is not known of the times of a scan's beams.
+
+    Args:
+        parameters: of the replay, for what is seen and how the map is made.
+    """
+    p = parameters or SlamParameters()
+    p = replace(SlamParameters(), perception=p.perception, map=p.map)
+    return OrderSearch(p) if scan.timing.increment else TimeSearch(p)
+
+
+class OrderSearch:
+    """Scans tracked in either order (stateful: `step`)."""
+
+    def __init__(self, parameters: SlamParameters) -> None:
+        self._forward, self._backward = SweepTrial(parameters), SweepTrial(parameters)
+
+    def step(self, scan: RangeScan, odom: Pose2D | None) -> None:
+        """Track a scan."""
+        self._forward.step(in_order(scan, "forward"), odom)
+        self._backward.step(in_order(scan, "backward"), odom)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the order is certain, or will hardly be any more."""
+        return self._forward.is_long or self._order() is not None
+
+    def result(self, held: Iterable[Record]) -> tuple[BeamOrder | None, float]:
+        """The order, if it is certain; the log tells the time."""
+        return self._order(), 0.0
+
+    def _order(self) -> BeamOrder | None:
+        if self._forward.is_better_than(self._backward):
+            return "forward"
+        return "backward" if self._backward.is_better_than(self._forward) else None
+
+
+class TimeSearch:
+    """Scans tracked as if their beams were taken at once (stateful: `step`)."""
+
+    def __init__(self, parameters: SlamParameters) -> None:
+        self._parameters, self._at_once = parameters, SweepTrial(parameters)
+
+    def step(self, scan: RangeScan, odom: Pose2D | None) -> None:
+        """Track a scan."""
+        self._at_once.step(scan, odom)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether there are scans enough."""
+        return self._at_once.is_long
+
+    def result(self, held: Iterable[Record]) -> tuple[BeamOrder | None, float]:
+        """The order of the beams and the seconds of a turn, as the scans among these records show
+        them; None and 0 if they do not."""
+        asked, period_s = self._at_once.estimate(), self._at_once.period_s
+        if abs(asked.seconds) <= SUSPECT * asked.error or not 0 < period_s <= LONGEST_TURN_S:
+            return None, 0.0
+        order: BeamOrder = "forward" if asked.seconds > 0 else "backward"
+        close_s = LEFT * abs(asked.seconds)
+        turn_s, trial = self._best(list(held), order, period_s, close_s)
+        return (order, turn_s) if trial.is_better_than(self._at_once) else (None, 0.0)
+
+    def _best(
+        self, records: list[Record], order: BeamOrder, period_s: float, close_s: float
+    ) -> tuple[float, SweepTrial]:
+        """The seconds of a turn that the scans fit best with. What they ask for beyond them is 0
+        there: found by false position, from the time between two scans on."""
+        trials, left = dict[float, SweepTrial](), dict[float, float]()
+        turn_s = period_s
+        while len(trials) < TRIES:
+            trials[turn_s] = trial = self._turning(records, turn_s, order)
+            asked = trial.estimate()
+            left[turn_s] = asked.seconds if order == "forward" else -asked.seconds
+            if abs(left[turn_s]) <= max(close_s, asked.error):
+                return turn_s, trial
+            turn_s = _next_try(left, turn_s)
+        return max(trials.items(), key=lambda tried: tried[1].mean_score)
+
+    def _turning(self, records: list[Record], turn_s: float, order: BeamOrder) -> SweepTrial:
+        """The scans tracked as if a turn took so long."""
+        trial = SweepTrial(self._parameters)
+        timed = (
+            turning(record, turn_s, order) if isinstance(record, RangeScan) else record
+            for record in records
+        )
+        for scan, odom in odometry_at_scans(timed):
+            trial.step(scan, odom)
+        return trial
+
+
+def _next_try(left: dict[float, float], turn_s: float) -> float:
+    """The next time to be tried, after `turn_s`.
+
+    Args:
+        left: seconds of a turn that were tried -> what scans asked for beyond, seconds.
+    """
+    short = max((tried for tried, asked in left.items() if asked > 0), default=None)
+    long = min((tried for tried, asked in left.items() if asked <= 0), default=None)
+    if short is None or long is None or short > long:
+        return turn_s * (1 + math.copysign(STEP, left[turn_s]))
+    return short + (long - short) * left[short] / (left[short] - left[long])
