@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from support.mcap_making import S, mcap_bytes, mcap_file, odom, scan, tf_static, transform
+from support.sweeping import SweepingRobot
 
-from mapcli import Pose2D, check_log
+from mapcli import Pose2D, check_log, save_log
 from mapcli.cli import main
 from mapcli.model.scan import Odometry, RangeScan, Record
+from mapcli.model.sweep import BeamTiming
 
 
 def beam_scan(t: float, *ranges: float) -> RangeScan:
@@ -207,3 +209,25 @@ def test_a_log_that_cannot_be_read(tmp_path: Path, capsys: pytest.CaptureFixture
     assert capsys.readouterr().err.endswith(
         "a.mcap: is empty; expected an MCAP file or a CARMEN log\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("timing", "text"),
+    [
+        (BeamTiming(order=None), "  turn        looks as if a turn took 0.18"),
+        (BeamTiming(SweepingRobot().increment, order=None), "  turn        0.181006 s; "),
+    ],
+)
+def test_the_times_of_beams_are_found_as_by_slam_replay(
+    timing: BeamTiming, text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    records = SweepingRobot(flipped=True).records(timing)
+    save_log(records, tmp_path / "robot.mcap")
+    assert info(str(tmp_path / "robot.mcap"), "--json", str(tmp_path / "info.json")) == 0
+    line = next(line for line in capsys.readouterr().out.splitlines() if "  turn " in line)
+    assert line.startswith(text)
+    assert line.endswith("beams backward")
+    scans = json.loads((tmp_path / "info.json").read_text())["scans"]
+    assert scans["turn_time_found"] == (timing.increment == 0)
+    assert scans["turn_time_s"] == pytest.approx(0.181, rel=0.02)
+    assert scans["beam_order"] == "backward"
