@@ -3,8 +3,8 @@
 1. Loop closure (`loop_closure`): where did the robot come back, and what does the pose graph say
    then about the submaps' poses?
 2. Corrections (`submaps.apply_corrections`): every scan moves with its submap.
-3. Map refinement: every scan is fitted to the surfels of the whole map, each by itself
-   (`map_refinement`), or, where beams were taken one after another, all at once
+3. Map refinement: all scans are fitted at once to the surfels of the whole map
+   (`map_refinement`), point by point where beams were taken one after another
    (`sweep_refinement`).
 4. The map is made anew from the keyframes.
 """
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopClosureResult, LoopParameters
 from mapcli.algorithms.slam.map_parameters import MapParameters
-from mapcli.algorithms.slam.map_refinement import RefineParameters, map_from_keyframes, refine
+from mapcli.algorithms.slam.map_refinement import map_from_keyframes, refine
 from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.submaps import apply_corrections
@@ -49,7 +49,6 @@ def finalise(
     trajectory: TrackedTrajectory,
     map_: MapParameters,
     loops: LoopParameters,
-    refining: RefineParameters,
     odometry: MotionModel,
     progress: Callable[[int], None] = lambda submap: None,
 ) -> BackEndResult:
@@ -66,7 +65,7 @@ def finalise(
         refined = refine_sweeps(trajectory, poses, map_.resolution, odometry)
         trajectory, poses, crispness = refined.trajectory, refined.poses, refined.crispness
     else:
-        poses = refine(trajectory, poses, map_.resolution, refining)
+        poses = refine(trajectory, poses, map_.resolution, odometry)
     start = trajectory.poses[0].compose(poses[0].inverse())
     poses = [trajectory.poses[0], *(start.compose(pose) for pose in poses[1:])]
     grid = map_from_keyframes(trajectory, poses, map_)

@@ -67,6 +67,8 @@ class TrackedTrajectory:
 
     Attributes:
         poses: of the robot in the map, as tracked, one for each scan.
+        steps: how the robot came from the scan before to each, as its odometry was believed; None
+            where that says nothing.
         points: shape (n, 2) each, float32, the hits of each scan in the robot's frame, one for
             each cell of the map.
         keyframes: in time order.
@@ -75,19 +77,24 @@ class TrackedTrajectory:
     """
 
     poses: list[Pose2D] = field(default_factory=list)
+    steps: list[Pose2D | None] = field(default_factory=list)
     points: ScanStore = field(default_factory=ScanStore)
     keyframes: list[Keyframe] = field(default_factory=list)
     sweeps: TrackedSweeps = field(default_factory=TrackedSweeps)
 
-    def add(self, pose: Pose2D, points: NDArray[np.float64]) -> None:
+    def add(self, pose: Pose2D, points: NDArray[np.float64], step: Pose2D | None = None) -> None:
         """The next scan."""
         self.poses.append(pose)
+        self.steps.append(step)
         self.points.append(points.astype(np.float32))
 
     def correct_last_poses(self, poses: Sequence[Pose2D]) -> None:
-        """The last scans were taken at these poses after all; keyframes among them move along."""
+        """The last scans were taken at these poses after all, since odometry had failed; keyframes
+        among them move along."""
         first = len(self.poses) - len(poses)
         self.poses[first:] = poses
+        for k in range(max(first, 1), len(self.poses)):
+            self.steps[k] = self.poses[k - 1].between(self.poses[k])
         begin = bisect_left(self.keyframes, first, key=lambda keyframe: keyframe.scan)
         for k in range(begin, len(self.keyframes)):
             keyframe = self.keyframes[k]

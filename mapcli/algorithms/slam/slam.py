@@ -132,7 +132,7 @@ class Slam:
         n = b.pose  # 9: replace new position by best position
         self.odometry.compare(c.between(n))
         in_map = self._is_localized and self._update_map(n, p, scan.mount)  # 10: update map
-        self._record(scan, odom, p, n, b, in_map=in_map)
+        self._record(scan, odom, p, motion, b, in_map=in_map)
         if in_map:
             self.lost.begin_anew()
         self.perception = p
@@ -231,7 +231,7 @@ class Slam:
         scan: RangeScan,
         odom: Pose2D | None,
         perception: Perception,
-        pose: Pose2D,
+        motion: Pose2D | None,
         match: Match,
         *,
         in_map: bool,
@@ -242,7 +242,7 @@ class Slam:
         self.trajectory.correct_last_poses(self.faults.past_poses)
         points = points_of(perception, self.parameters.map.resolution)
         number = len(self.trajectory.poses)
-        self.trajectory.add(pose, points.metres)
+        self.trajectory.add(match.pose, points.metres, motion)
         self.trajectory.sweeps.add(number, scan, odom, perception, points.numbers)
         if in_map:
             information = match.information if match.found else None
@@ -265,7 +265,7 @@ class Slam:
         p = self.parameters
         if p.loops is None or not self.trajectory.keyframes:
             return None
-        return finalise(self.trajectory, p.map, p.loops, p.refine, p.odometry, progress)
+        return finalise(self.trajectory, p.map, p.loops, p.odometry, progress)
 
     def unrefined(self, scans: int) -> BackEndResult | None:
         """The first `scans` poses as they were tracked, and the map of their keyframes: what

@@ -8,7 +8,6 @@ from mapcli.algorithms.scans.perception import PerceptionParameters
 from mapcli.algorithms.slam.local_map import LocalMapParameters
 from mapcli.algorithms.slam.loop_closure import LoopParameters
 from mapcli.algorithms.slam.map_parameters import MapParameters
-from mapcli.algorithms.slam.map_refinement import RefineParameters
 from mapcli.algorithms.slam.match import MatchParameters
 from mapcli.algorithms.slam.motion_model import MotionModel
 
@@ -33,7 +32,6 @@ class SlamParameters:
     match: MatchParameters = field(default_factory=MatchParameters)
     detect_odometry_faults: bool = True
     loops: LoopParameters | None = field(default_factory=LoopParameters)
-    refine: RefineParameters = field(default_factory=RefineParameters)
 
     def without_loops(self) -> SlamParameters:
         """For the plain Algorithm 9.2: a map that never forgets, and no loop closure.

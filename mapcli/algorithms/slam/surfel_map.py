@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.slam._kernels import point_to_line_icp as icp
 from mapcli.algorithms.slam._kernels import surfel_map as kernels
+from mapcli.algorithms.slam._kernels.pose_chain import ChainEquations
 from mapcli.algorithms.slam._kernels.sparse_grid import BORDER, SHIFT, SIDE, SparseGrid, Used
 from mapcli.algorithms.slam.growing_array import grow_interval, map_too_large
 from mapcli.model.pose import Pose2D, wrap_angle
@@ -175,36 +176,31 @@ class SurfelMap:
         information = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
         return ScanFit(Pose2D(x, y, wrap_angle(theta)), information, matched)
 
-    def fit_each(
-        self, scans: list[NDArray[np.float32]], starts: list[Pose2D]
-    ) -> list[tuple[Pose2D, int]]:
-        """What `fit` finds for each of many scans, without a prediction: pose and `matched`.
+    def add_scans(
+        self,
+        scans: list[NDArray[np.float32]],
+        poses: NDArray[np.float64],
+        equations: ChainEquations,
+    ) -> None:
+        """Add what scans, points of shape (n, 2) each, say of their poses, shape (scans, 3), to the
+        normal equations of these.
 
-        Scans are fitted on all processors, each by itself, so that the result is always the same.
+        It is done on all processors, each scan by itself, so that the result is always the same.
         """
         kernels.update_all(self._table, self._used[1])
-        n = SCANS_AT_ONCE
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            fits = pool.map(
-                lambda first: self._fit_some(scans[first : first + n], starts[first : first + n]),
-                range(0, len(scans), n),
-            )
-            return [fit for some in fits for fit in some]
-
-    def _fit_some(
-        self, scans: list[NDArray[np.float32]], starts: list[Pose2D]
-    ) -> list[tuple[Pose2D, int]]:
-        poses = np.array([(pose.x, pose.y, pose.theta) for pose in starts], np.float64)
-        points = np.concatenate(scans).astype(np.float64)
         bounds = np.cumsum([0, *(len(scan) for scan in scans)])
-        correspondences, matched = np.empty(len(points), np.int64), np.empty(len(poses), np.int64)
-        icp.fit_scans(
-            self._table, points, bounds, correspondences, BEARING_VARIANCE, poses, matched
-        )
-        return [
-            (Pose2D(x, y, wrap_angle(theta)), n)
-            for (x, y, theta), n in zip(poses.tolist(), matched.tolist(), strict=True)
-        ]
+        points = np.concatenate(scans).astype(np.float64)
+        correspondences = np.empty(len(points), np.int64)
+
+        def add(first: int) -> None:
+            end = min(first + SCANS_AT_ONCE, len(scans))
+            rows = slice(3 * first, 3 * end)
+            part = ChainEquations(equations.matrix[rows], equations.right[rows])
+            some, own = bounds[first : end + 1], poses[first:end]
+            icp.add_scans(self._table, points, some, correspondences, BEARING_VARIANCE, own, part)
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            list(pool.map(add, range(0, len(scans), SCANS_AT_ONCE)))
 
 
 def _table_of(grid: SparseGrid, moments: NDArray[np.float64], cell: float) -> kernels.SurfelTable:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.slam._kernels.sweep_refinement import OdometrySteps
+from mapcli.algorithms.slam._kernels.pose_chain import OdometrySteps
 from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.surfel_map import INDEPENDENT_SHARE
 from mapcli.algorithms.slam.tracked_sweeps import TrackedSweeps

@@ -1,6 +1,6 @@
 """Refinement of a trajectory whose scans were taken beam by beam.
 
-`map_refinement` fits each scan by itself, rigid as it is. A scan that was taken while the robot
+`map_refinement` takes each scan as rigid. A scan that was taken while the robot
 drove is not rigid: where its last beams were taken depends on where the robot went next. So all
 poses are fitted at once, each point seen from the robot's pose at its own time, between the two
 scans between which it was taken (continuous-time registration, as in CT-ICP, Dellenbach et al.
@@ -22,13 +22,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from mapcli.algorithms.slam._kernels import pose_chain
 from mapcli.algorithms.slam._kernels import sweep_refinement as kernels
-from mapcli.algorithms.slam._kernels.sweep_refinement import (
-    ALONE,
-    NormalEquations,
-    Path,
-    TimedPoints,
-)
+from mapcli.algorithms.slam._kernels.pose_chain import BAND, ChainEquations
+from mapcli.algorithms.slam._kernels.sweep_refinement import ALONE, Path, TimedPoints
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.surfel_map import BEARING_VARIANCE, SurfelMap
@@ -147,12 +144,12 @@ class _SweepFit:
     def step(self, surfels: SurfelMap) -> float:
         """One step of Gauss-Newton; the metres that it moves poses by, on average."""
         n = 3 * len(self.path.poses)
-        equations = NormalEquations(np.zeros((n, kernels.BAND)), np.zeros(n))
+        equations = ChainEquations(np.zeros((n, BAND)), np.zeros(n))
         for timed in self._blocks():
             seen_from = self._seen_from(timed)
             kernels.add_points(surfels.table, timed, seen_from, BEARING_VARIANCE, equations)
-        kernels.add_odometry(self._odometry, self.path.poses, equations)
-        kernels.solve_banded(equations)
+        pose_chain.add_odometry(self._odometry, self.path.poses, equations)
+        pose_chain.solve_banded(equations)
         moved = equations.right.reshape(-1, 3)
         self._set(self.path.poses + moved)
         return float(np.hypot(moved[:, 0], moved[:, 1]).mean())

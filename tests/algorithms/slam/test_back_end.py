@@ -27,7 +27,6 @@ from mapcli.algorithms.slam.back_end import (
 )
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.loop_closure import LoopParameters
-from mapcli.algorithms.slam.map_refinement import RefineParameters
 from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.model.pose import Pose2D
@@ -38,7 +37,7 @@ ORIGIN = Pose2D()
 
 
 def finalised(trajectory: TrackedTrajectory) -> BackEndResult:
-    return finalise(trajectory, MAP, LoopParameters(), RefineParameters(), MotionModel())
+    return finalise(trajectory, MAP, LoopParameters(), MotionModel())
 
 
 @pytest.mark.parametrize("drift", [0.1, -0.15, 0.2])

@@ -10,7 +10,7 @@ import pytest
 from support.sweeping import SECOND, START_NS, SweepingRobot, ate
 
 from mapcli import Pose2D, SlamParameters, replay
-from mapcli.algorithms.slam._kernels.sweep_refinement import OdometrySteps
+from mapcli.algorithms.slam._kernels.pose_chain import OdometrySteps
 from mapcli.algorithms.slam.replay import Replayed
 from mapcli.algorithms.slam.sweep_path import shares_of_odometry
 from mapcli.model.scan import Mount, RangeScan

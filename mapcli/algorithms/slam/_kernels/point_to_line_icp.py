@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.compiling import kernel
 from mapcli.algorithms.slam._kernels.gauss_newton import (
-    SQUARED_SCALE,
     NormalEquations,
     Prediction,
     gauss_newton,
     is_still,
+    linearise,
 )
 from mapcli.algorithms.slam._kernels.pose import Pose
+from mapcli.algorithms.slam._kernels.pose_chain import ChainEquations, Symmetric, add_pose
 from mapcli.algorithms.slam._kernels.surfel_map import SurfelTable, nearest_surfel
 
 ROUNDS = 2
@@ -69,31 +70,31 @@ def fit_scan(
 
 
 @kernel
-def fit_scans(
+def add_scans(
     table: SurfelTable,
     points: NDArray[np.float64],
     bounds: NDArray[np.int64],
     correspondences: NDArray[np.int64],
     bearing_variance: float,
     poses: NDArray[np.float64],
-    matched: NDArray[np.int64],
+    equations: ChainEquations,
 ) -> None:
-    """Fit many scans, each by itself, to the surfels alone.
+    """Add what scans say of their poses, each of its own.
 
     Args:
         points, correspondences: as for `fit_pose`, one scan after the other; those of scan k are
             from bounds[k] to bounds[k + 1] - 1.
         bearing_variance: see `fit_pose`.
-        poses: shape (scans, 3), (x, y, theta); changed in place.
-        matched: shape (scans,), filled with how many points of each have a surfel.
+        poses: shape (scans, 3), (x, y, theta).
     """
     for k in range(len(poses)):
         part = slice(bounds[k], bounds[k + 1])
         pose = Pose(poses[k, 0], poses[k, 1], poses[k, 2])
-        nothing = Prediction(pose, 0.0, 0.0, SQUARED_SCALE)
-        fit = fit_pose(table, points[part], correspondences[part], pose, nothing, bearing_variance)
-        poses[k, 0], poses[k, 1], poses[k, 2] = fit.pose
-        matched[k] = fit.matched
+        associate(table, points[part], pose, correspondences[part])
+        xx, xy, xt, yy, yt, tt, gx, gy, gt = linearise(
+            table.surfels, points[part], correspondences[part], pose, bearing_variance
+        )
+        add_pose(equations, k, Symmetric(xx, xy, xt, yy, yt, tt), (gx, gy, gt), 1.0)
 
 
 @kernel

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.pose_chains import dense, empty
 from support.surfels import CELL, Floats, empty_table, full_of, moved, scattered, table_of
 
 from mapcli.algorithms.slam._kernels import point_to_line_icp as icp
-from mapcli.algorithms.slam._kernels.gauss_newton import NormalEquations
+from mapcli.algorithms.slam._kernels.gauss_newton import NormalEquations, linearise
 from mapcli.algorithms.slam._kernels.pose import Pose
 from mapcli.algorithms.slam._kernels.surfel_map import SurfelTable, nearest_surfel
 
@@ -75,18 +76,23 @@ def test_a_fit_finds_a_pose_that_is_less_than_a_cell_off(seed: int) -> None:
     assert (np.linalg.eigvalsh(normal) > 0).all()
 
 
-def test_scans_are_fitted_each_for_itself() -> None:
+def test_scans_say_each_what_its_own_points_do() -> None:
     table, _ = table_of(room(0.02, 0.004))
     scans = [room(0.07, 0.031), room(0.3, 0.2), np.empty((0, 2)), room(0.2, 0.1)[:20]]
-    starts = [np.array([0.01 * k, -0.02, 0.003 * k]) for k in range(4)]
+    poses = np.array([[0.01 * k, -0.02, 0.003 * k] for k in range(4)])
     points, bounds = np.concatenate(scans), np.cumsum([0, *(len(scan) for scan in scans)])
-    poses, matched = np.array(starts), np.empty(len(scans), np.int64)
-    correspondences = np.empty(len(points), np.int64)
-    icp.fit_scans(table, points, bounds, correspondences, 1e-4, poses, matched)
-    for k, (scan, start) in enumerate(zip(scans, starts, strict=True)):
-        pose, _, alone = fit(table, scan, start, 1e-4)
-        assert poses[k].tolist() == pose.tolist()
-        assert matched[k] == alone
+    correspondences, equations = np.empty(len(points), np.int64), empty(4)
+    icp.add_scans(table, points, bounds, correspondences, 1e-4, poses, equations)
+    matrix = dense(equations)
+    for k, scan in enumerate(scans):
+        own, pose = slice(3 * k, 3 * k + 3), Pose(*poses[k].tolist())
+        partners = np.empty(len(scan), np.int64)
+        icp.associate(table, scan, pose, partners)
+        alone = linearise(table.surfels, scan, partners, pose, 1e-4)
+        assert matrix[own, own][np.triu_indices(3)].tolist() == list(alone[:6])
+        assert equations.right[own].tolist() == list(alone[6:])
+        matrix[own, own] = 0
+    assert not matrix.any()  # no scan says anything of another's pose
 
 
 def test_a_fit_where_nothing_is_stays() -> None:

@@ -7,16 +7,10 @@ import math
 import numpy as np
 import pytest
 from scipy.interpolate import CubicHermiteSpline
+from support.pose_chains import dense, empty
 
 from mapcli.algorithms.slam._kernels import sweep_refinement as kernels
-from mapcli.algorithms.slam._kernels.sweep_refinement import (
-    ALONE,
-    BAND,
-    NormalEquations,
-    OdometrySteps,
-    Path,
-    TimedPoints,
-)
+from mapcli.algorithms.slam._kernels.sweep_refinement import ALONE, Path, TimedPoints
 from mapcli.algorithms.slam.surfel_map import SurfelMap
 
 RNG = np.random.default_rng(5)
@@ -24,19 +18,6 @@ POSES = np.column_stack([np.arange(4) * 0.2, RNG.normal(0, 0.1, 4), RNG.normal(0
 SECONDS = np.array([0.2, 0.1, 0.3])
 COUNTED = np.column_stack([SECONDS, np.full(3, 0.02), np.full(3, 0.1)])
 PATH = Path(POSES, RNG.normal(0, 1, (4, 3)), SECONDS, COUNTED, np.zeros((3, 3)))
-
-
-def dense(equations: NormalEquations) -> np.ndarray:
-    n = len(equations.right)
-    full = np.zeros((n, n))
-    for i in range(n):
-        for a in range(min(BAND, n - i)):
-            full[i, i + a] = full[i + a, i] = equations.matrix[i, a]
-    return full
-
-
-def empty(poses: int = 4) -> NormalEquations:
-    return NormalEquations(np.zeros((3 * poses, BAND)), np.zeros(3 * poses))
 
 
 def timed(points: np.ndarray, steps: list[int], shares: list[float]) -> TimedPoints:
@@ -85,50 +66,6 @@ def test_by_odometry_the_way_has_its_shape_and_ends_at_the_poses(later: bool) ->
     # Half way nothing was counted, so that half of the error is all that is left of the way.
     off = POSES[1 if later else 2] - np.array(kernels.composed(POSES, scan, motion))
     assert seen[1] == pytest.approx(POSES[scan] + off / 2)
-
-
-def test_the_banded_solution_is_that_of_the_full_matrix() -> None:
-    equations = empty()
-    for i in range(12):
-        for a in range(min(BAND, 12 - i)):
-            equations.matrix[i, a] = 20.0 if a == 0 else RNG.normal()
-    equations.right[:] = RNG.normal(0, 1, 12)
-    expected = np.linalg.solve(dense(equations), equations.right)
-    kernels.solve_banded(equations)
-    assert equations.right == pytest.approx(expected, abs=1e-8)
-
-
-def numeric(cost, poses: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-def]
-    """Minus half the gradient of a cost by all poses."""
-    gradient = np.empty(poses.size)
-    for i in range(poses.size):
-        step = np.zeros(poses.size)
-        step[i] = 1e-6
-        more, less = (cost(poses + sign * step.reshape(-1, 3)) for sign in (1, -1))
-        gradient[i] = -(more - less) / 2e-6 / 2
-    return gradient
-
-
-def test_odometry_pulls_down_its_cost() -> None:
-    counted = np.array([[0.19, 0.02, 0.1], [0.22, -0.01, -0.1], [0.2, 0.0, 0.0]])
-    information = np.full((3, 2), 4.0)  # weak, so that the robust weight hardly matters
-    steps = OdometrySteps(counted, information)
-
-    def cost(poses: np.ndarray) -> float:
-        total = 0.0
-        for k in range(3):
-            x, y, theta = counted[k]
-            cos, sin = math.cos(poses[k, 2]), math.sin(poses[k, 2])
-            off = poses[k + 1] - poses[k] - (cos * x - sin * y, sin * x + cos * y, theta)
-            for square in (4 * (off[0] ** 2 + off[1] ** 2), 4 * off[2] ** 2):
-                total += 9 * square / (9 + square)
-        return total
-
-    equations = empty()
-    kernels.add_odometry(steps, POSES, equations)
-    assert equations.right == pytest.approx(numeric(cost, POSES), abs=1e-5)
-    # The matrix is J^T W J: positive, and no more than that of all steps without weights.
-    assert np.linalg.eigvalsh(dense(equations)).min() > -1e-9
 
 
 def test_both_poses_share_a_point_in_proportion_to_time() -> None:
