@@ -1,4 +1,4 @@
-"""`mapcli convert`: a map from any format to any other."""
+"""`mapcli convert`: a map, or a pose trace, from any format to any other."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mapcli.model.pose import Pose2D
 SHARE = Number(0, 1)
 
 
-@click.command(short_help="Convert a map from any format to any other.")
+@click.command(short_help="Convert a map or a trace from any format to any other.")
 @click.argument("source", metavar="IN", type=FILE)
 @click.argument("target", metavar="OUT", type=FILE)
 @click.option(
@@ -59,7 +59,14 @@ SHARE = Number(0, 1)
     type=click.Choice(DIALECTS),
     help="Whose rules IN's image was made for, if not OUT's.",
 )
-@click.option("--to", "form", type=click.Choice(FORMATS), help="OUT's format if not its suffix's.")
+@click.option(
+    "--to",
+    "form",
+    type=click.Choice((*FORMATS, "json", "tum", "kitti", "g2o", "csv")),
+    help="OUT's format if not its suffix's.",
+)
+@click.option("--topic", metavar="TOPIC", help="Where the poses of an MCAP IN are, if there are "
+              "several.")  # fmt: skip
 @click.option("--characters", is_flag=True, help="Text as `#`, `.` and `?`.")
 @click.option("--inline", is_flag=True, help="YAML with the cells inside, without an image.")
 @click.option("--plain", is_flag=True, help="PGM as numbers (P2).")
@@ -72,17 +79,21 @@ SHARE = Number(0, 1)
 )
 @no_clobber_option
 @common_options
+@click.pass_context
 def command(
-    source: str, target: str, resolution: float | None, origin: Pose2D | None,
-    threshold: float | None, from_dialect: Any, no_clobber: bool, quiet: bool, verbose: bool,
-    **given: Any,
+    ctx: click.Context, /, source: str, target: str, resolution: float | None,
+    origin: Pose2D | None, threshold: float | None, from_dialect: Any, topic: str | None,
+    no_clobber: bool, quiet: bool, verbose: bool, **given: Any,
 ) -> None:  # fmt: skip
-    """Convert a map from any format to any other.
+    """Convert a map or a pose trace from any format to any other.
 
     The suffixes say the formats: .txt (numbers and `?`), .yaml (an image beside it, as for
     map_server), .pgm, .png. `-` is standard input, whatever its format, or standard output
     (text unless --to says otherwise). What OUT cannot hold, or its --dialect would read
     otherwise, is told on stderr.
+
+    A trace is .json, .tum, .kitti, .g2o or .csv, told by its content as IN, or the poses in an
+    MCAP file; its OUT has one of these suffixes (or --to).
 
     \b
     The dialects: nav2 is Nav2 since 2026, nav2-2024 Nav2 before, ros1 the map_server of ROS 1.
@@ -94,7 +105,23 @@ def command(
       mapcli convert old.yaml new.yaml --from-dialect ros1 --mode scale
       mapcli convert map.yaml - --threshold 0.7 | head
       mapcli convert scan.pgm map.yaml --resolution 0.05 --origin -10,-10,0
+      mapcli convert trace.json trace.tum
     """
+    from mapcli.commands._convert_trace import (
+        convert_trace,
+        refuse_map_options,
+        suffix_of_trace,
+    )
+
+    suffix = suffix_of_trace(source, target, given["form"])
+    if suffix is not None:
+        refuse_map_options(ctx)
+        convert_trace(
+            source, target, suffix, topic, no_clobber=no_clobber, quiet=quiet, verbose=verbose
+        )
+        return
+    if topic is not None:
+        raise click.UsageError("--topic is for traces, and OUT is a map.")
     from mapcli.algorithms.maps.threshold import binary_map
     from mapcli.formats.maps.load import load_map
 

@@ -13,14 +13,14 @@ from mapcli.commands._options import FILE, POSITIVE, common_options, no_clobber_
 from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say, warn
 from mapcli.errors import DataError
-from mapcli.formats.input import read_file, sha256_of
+from mapcli.formats.file_kind import Role, kind_at
 from mapcli.formats.maps.save import SUFFIXES, SaveOptions, dump_map
 from mapcli.formats.output import output_set
 from mapcli.model.counting import counted
 
 if TYPE_CHECKING:
+    from mapcli.formats.documents.load_trace import LoadedTrace
     from mapcli.model.rectified import RectifiedTrace
-    from mapcli.model.trajectory import Trajectory
 
 TRACES = (".json", ".tum", ".kitti", ".g2o", ".csv")
 
@@ -58,10 +58,10 @@ def command(
 ) -> None:  # fmt: skip
     """Use what is known about walls: they are straight, and meet at right angles (Sect. 9.4).
 
-    A TRACE (trace.json) of a robot that followed walls: sharp turns become 90 degrees, walls
-    straight, and when it came round, the gap at the end is spread over the lengths. OUT is a
-    trace, its format the suffix's: .json, .tum, .kitti, .g2o, .csv; each pose's `odom` in .json
-    is the pose as it was, and `summary` has walls, corners and gaps.
+    A TRACE of a robot that followed walls: sharp turns become 90 degrees, walls straight, and
+    when it came round, the gap at the end is spread over the lengths. TRACE and OUT are .json,
+    .tum, .kitti, .g2o or .csv; each pose's `odom` in .json is the pose as it was, and `summary`
+    has walls, corners and gaps.
 
     A MAP: the outlines of its open space become straight and perpendicular, and the walls follow;
     what is round or slants by more than 20 degrees stays. OUT is a map.
@@ -94,12 +94,14 @@ def _is_trace(source: str, target: str) -> bool:
         click.UsageError: the output's name is of the other kind.
     """
     suffix = PurePath(target).suffix.lower()
-    is_trace = PurePath(source).suffix.lower() == ".json" or (source == "-" and suffix in TRACES)
+    kind = kind_at(source)
+    role = kind.role if kind else None
+    is_trace = role is Role.TRACE or (role is not Role.MAP and suffix in TRACES)
     suffixes = TRACES if is_trace else tuple(SUFFIXES)
     if target != "-" and suffix not in suffixes:
-        kind = "a trace" if is_trace else "a map"
+        what = "a trace" if is_trace else "a map"
         raise click.UsageError(
-            f"IN is {kind}, and {target!r} does not end in {', '.join(suffixes)}."
+            f"IN is {what}, and {target!r} does not end in {', '.join(suffixes)}."
         )
     return is_trace
 
@@ -110,13 +112,14 @@ def _trace(
 ) -> list[tuple[str, str]]:  # fmt: skip
     from mapcli import rectify_trace
     from mapcli.algorithms.maps.rectify_trace import RectifyParameters
-    from mapcli.formats.documents.pose_trace import load_trace_poses
+    from mapcli.formats.documents.load_trace import load_trace
 
-    before = load_trace_poses(source)
+    loaded = load_trace(source)
+    before = loaded.trace.trajectory()
     result = rectify_trace(before.poses, RectifyParameters(tolerance, shortest, loop))
     parameters = {"tolerance": tolerance, "shortest_wall": shortest, "loop": loop}
     with output_set(no_clobber=no_clobber) as outputs:
-        outputs.write(target, _dump_trace(source, target, before, result, parameters))
+        outputs.write(target, _dump_trace(loaded, target, result, parameters))
         if png:
             from mapcli.pictures.before_after import rectified_trace_picture
 
@@ -125,19 +128,17 @@ def _trace(
 
 
 def _dump_trace(
-    source: str, target: str, before: Trajectory, result: RectifiedTrace, parameters: dict[str, Any]
+    loaded: LoadedTrace, target: str, result: RectifiedTrace, parameters: dict[str, Any]
 ) -> bytes:
     from mapcli.algorithms.maps.rectify_trace import rectified_trace
     from mapcli.formats.documents.json_document import json_bytes
     from mapcli.formats.documents.pose_trace import trace_document
     from mapcli.formats.documents.trajectory_text import dump_trajectory
 
-    trace = rectified_trace(before, result)
+    trace = rectified_trace(loaded.trace.trajectory(), result)
     if PurePath(target).suffix.lower() not in (".json", ""):
         return dump_trajectory(trace, target)
-    inputs = {}
-    if source != "-":
-        inputs = {Path(source).name: sha256_of(read_file(Path(source)))}
+    inputs = {} if loaded.file == "-" else {Path(loaded.file).name: loaded.sha256}
     return json_bytes(trace_document(trace, inputs, parameters, result.document()))
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mapcli.model.grid import GridMap
+    from mapcli.model.trajectory import Trajectory
 
 
 @click.command(short_help="Draw a map as a picture.")
@@ -26,7 +27,10 @@ if TYPE_CHECKING:
     "--png", metavar="F", type=FILE, required=True, help="The picture; - is standard output."
 )
 @click.option(
-    "--trace", metavar="F", type=FILE, help="A pose trace (trace.json) to draw as the path."
+    "--trace",
+    metavar="F",
+    type=FILE,
+    help="A pose trace to draw as the path: trace.json, .tum, .kitti, .g2o, .csv.",
 )
 @click.option("--labels", is_flag=True, help="Print probabilities and `?` into the cells.")
 @click.option("--frontier", is_flag=True, help="Mark the frontier in red.")
@@ -52,13 +56,12 @@ def command(
       mapcli render fig9_4.txt --png fig9_4.png --labels --frontier --robot 5,9
     """
     from mapcli import load_map, render
-    from mapcli.formats.documents.pose_trace import load_trace_poses
 
     inputs = [source, *filter(None, [trace])]
     check_outputs([png], inputs, "inputs", no_clobber=no_clobber)
     loaded = load_map(source, dialect=dialect)
     warn(source, loaded.warnings, quiet=quiet)
-    trajectory = load_trace_poses(trace) if trace else None
+    trajectory = _trajectory(trace, quiet=quiet) if trace else None
     cells = _frontier(loaded.grid) if frontier else None
     try:
         data = render(
@@ -71,6 +74,14 @@ def command(
     write_bytes(png, data, no_clobber=no_clobber)
     if verbose:
         say(f"{png}: {len(data):,} bytes")
+
+
+def _trajectory(file: str, *, quiet: bool) -> Trajectory:
+    from mapcli.formats.documents.load_trace import load_trace
+
+    loaded = load_trace(file)
+    warn(file, loaded.warnings, quiet=quiet)
+    return loaded.trajectory()
 
 
 def _frontier(grid: GridMap) -> NDArray[np.bool_]:

@@ -27,7 +27,9 @@ from mapcli.model.world import World
 @click.command()
 @click.argument("world", metavar="WORLD", type=FILE)
 @click.argument("out", metavar="[OUT.mcap]", type=FILE, required=False)
-@click.option("--path", metavar="FILE", type=FILE, help="Waypoints to drive along.")
+@click.option(
+    "--path", metavar="FILE", type=FILE, help="Waypoints to drive along, or a pose trace."
+)
 @click.option(
     "--tour",
     metavar="N",
@@ -63,8 +65,9 @@ def command(
     WORLD is YAML with `polygons:`, solid obstacles as lists of [x, y] in metres, or a grid map
     whose cells of 0.5 and more are solid; beams pass through its unknown cells. FILE has one
     waypoint a line, `X Y [back] [speed=M/S] [pause=S]`, the first is the start; `back` drives
-    there in reverse. With --tour the robot finds its own way and keeps --robot-radius from all that
-    is not known to be open. The same input, options and seed give the same bytes.
+    there in reverse. A pose trace (.json, .tum, .kitti, .g2o, .csv) will do as well. With --tour
+    the robot finds its own way and keeps --robot-radius from all that is not known to be open. The
+    same input, options and seed give the same bytes.
 
     With --mow, WORLD is a lawn: one polygon, and a point if the charging station is not where the
     first lane begins. The mower steers by its odometry, and by landmarks that it recognises when

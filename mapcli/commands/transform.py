@@ -80,7 +80,11 @@ class InOrder(click.Command):
 @click.option("--align", is_flag=True, help="Turn the world so that most walls follow its axes.")
 @click.option("--merge", type=MERGE, multiple=True, help="Add another map, see above.")
 @click.option(
-    "--trace", metavar="F F", type=FILE, nargs=2, help="Move a pose trace along, into another file."
+    "--trace",
+    metavar="F F",
+    type=FILE,
+    nargs=2,
+    help="Move a pose trace along (.json, .tum, .kitti, .g2o, .csv), into another file.",
 )
 @click.option(
     "--mode", type=click.Choice(MODES), help="What grey means in OUT's image.  [default: as in IN]"
@@ -128,7 +132,7 @@ def command(
       mapcli transform map.yaml - --bake-yaw | mapcli info -
     """
     from mapcli import load_map
-    from mapcli.formats.documents.pose_trace import move_trace
+    from mapcli.formats.documents.load_trace import move_trace, trace_suffix
 
     operations = click.get_current_context().obj
     if not operations:
@@ -140,7 +144,7 @@ def command(
     mode = mode or ("trinary" if loaded.rule is None else loaded.rule.mode)
     options = save_options(target, {"mode": mode, "dialect": dialect, "form": form})
     result = apply(loaded, digests, operations, dialect)
-    moved = move_trace(trace[0], result.motion) if trace else None
+    moved = move_trace(trace[0], result.motion, trace_suffix(trace[1])) if trace else None
     with output_set(no_clobber=no_clobber) as outputs:
         names = write_map(result.grid, target, options, result.files, outputs)
         if trace and moved:

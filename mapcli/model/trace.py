@@ -26,14 +26,14 @@ class TracedPose:
         score: how well the scan agrees with the map where they overlap, 0 to 1; None when it was
             not compared.
         status: `first` starts the map, `matched` was found in it, `odometry` was carried on by
-            odometry alone, because the scan said too little.
+            odometry alone, because the scan said too little; None in traces of other programs.
     """
 
     stamp_ns: int
     pose: Pose2D
     odom: Pose2D | None
     score: float | None
-    status: Status
+    status: Status | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +41,15 @@ class Loop:
     """A loop closure: the pose at index `to` as seen from the one at index `from_`.
 
     Attributes:
-        score: how well the scan at `to` agrees with what was seen around `from_`, 0 to 1.
+        score: how well the scan at `to` agrees with what was seen around `from_`, 0 to 1; None in
+            traces of other programs.
         information: how certain the match is, in the frame of the pose at `to`; None if unknown.
     """
 
     from_: int
     to: int
     pose: Pose2D
-    score: float
+    score: float | None
     information: InformationTriangle | None = None
 
 

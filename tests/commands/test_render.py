@@ -116,7 +116,7 @@ def test_trace_without_poses_is_a_plan_without_path() -> None:
             "book.txt: 3 rows, 3 columns at 9999 pixels per cell; expected",
         ),
         (["book.txt", "--trace", "no.json"], "no.json: no such file"),
-        (["book.txt", "--trace", "book.txt"], "book.txt: line 1: is not JSON"),
+        (["book.txt", "--trace", "book.txt"], "book.txt: is a text map; "),
         (["large.txt", "--labels"], "large.txt: 1 rows, 251 columns; expected at most 250 a side"),
     ],
 )
@@ -135,7 +135,7 @@ POSE = {"stamp_ns": 1, "x": 0, "y": 0, "theta": 0}
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"format": "mapcli.map-info"}, "has the format 'mapcli.map-info'; expected mapcli.pose-"),
+        ({"format": "mapcli.map-info"}, "is a mapcli.map-info document; see what"),
         ({"version": 2}, "has version 2 of mapcli.pose-trace; expected version 1"),
         ({"poses": None}, "has no list of poses"),
         ({"poses": [POSE, {"x": 1}]}, "pose 1: has no 'stamp_ns'; expected stamp_ns, x, y and"),

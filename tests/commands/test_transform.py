@@ -15,7 +15,7 @@ from conftest import run
 from mapcli import GridMap, Pose2D, load_map, move
 from mapcli.algorithms.maps.transform import bake_yaw
 from mapcli.cli import main
-from mapcli.formats.documents.pose_trace import load_trace_poses
+from mapcli.formats.documents.load_trajectory import load_trajectory
 from mapcli.formats.maps.save import dump_map
 
 CELLS = np.array([[1, np.nan, 0, 0], [1, 0, 0, np.nan], [1, 1, 1, np.nan]], dtype=np.float32)
@@ -74,7 +74,7 @@ def test_report(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_trace_moves_along() -> None:
     trace()
     assert transform("m.yaml", "a.yaml", "--rotate", "90", "--trace", "t.json", "n.json") == 0
-    poses = load_trace_poses("n.json").poses
+    poses = load_trajectory("n.json").trajectory.poses
     assert poses == pytest.approx(
         np.array([[-2.5, 0, math.pi / 2], [-2.5, 0.5, 1 + math.pi / 2]]), abs=1e-6
     )
@@ -91,7 +91,7 @@ def test_a_trace_moves_along() -> None:
 def test_a_mirrored_trace_steps_to_the_other_side() -> None:
     trace()
     assert transform("m.yaml", "a.yaml", "--flip", "up-down", "--trace", "t.json", "n.json") == 0
-    assert load_trace_poses("n.json").poses.tolist() == [[0, -2.5, 0], [0.5, -2.5, -1]]
+    assert load_trajectory("n.json").trajectory.poses.tolist() == [[0, -2.5, 0], [0.5, -2.5, -1]]
     content = json.loads(Path("n.json").read_text())
     assert content["poses"][0]["odom"] == {"x": 0.0, "y": -0.5, "theta": -0.1}
     assert (content["loops"][0]["dy"], content["loops"][0]["dtheta"]) == (-0.25, -1)
@@ -136,7 +136,8 @@ def test_align_and_merge_by_search(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out.startswith("     align  walls at 17.")
     world = json.loads(Path("a.json").read_text())["world"]
     assert world["theta"] == pytest.approx(-0.3, abs=0.003)
-    assert load_trace_poses("n.json").poses[0, 2] == pytest.approx(world["theta"], abs=1e-6)
+    turned = load_trajectory("n.json").trajectory.poses[0, 2]
+    assert turned == pytest.approx(world["theta"], abs=1e-6)
     assert transform("straight.yaml", "m.yaml", "--merge", "turned.yaml@search", "-q") == 0
     both = load_map("m.yaml").grid
     assert abs(both.rows - 90) <= 4

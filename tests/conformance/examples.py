@@ -46,7 +46,10 @@ EXAMPLES = {
         "<round.tum --self-check <round.mcap --json >e.json",
     ),
     "import": ("<log.mcap <more.mcap >o.mcap", "<carmen.log >o.mcap"),
-    "convert": ("<image.yaml >o.txt", "<room.txt >o.yaml", "<picture.png >o.pgm"),
+    "convert": (
+        "<image.yaml >o.txt", "<room.txt >o.yaml", "<picture.png >o.pgm",
+        "<trace.json >o.tum", "<truth.tum >o.json",
+    ),
     "transform": (
         "<room.txt >o.yaml --rotate 90 --merge <image.yaml@1,0,0 --trace <trace.json >t.json "
         "--json >r.json",

@@ -21,9 +21,10 @@ from PIL import Image
 from support.mcap_making import Sent, mcap_bytes, odom, scan, tf, tf_static, transform
 
 from mapcli.errors import MapcliError
+from mapcli.formats.documents.load_trace import move_trace
 from mapcli.formats.documents.load_trajectory import load_trajectory
 from mapcli.formats.documents.perception_reader import load_perception
-from mapcli.formats.documents.pose_trace import move_trace, torn_files
+from mapcli.formats.documents.pose_trace import torn_files
 from mapcli.formats.documents.relations import load_relations
 from mapcli.formats.documents.waypoints import load_waypoints
 from mapcli.formats.documents.world import load_world

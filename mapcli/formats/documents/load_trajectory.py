@@ -47,7 +47,7 @@ def load_trajectory(path: str | Path, topic: str | None = None) -> LoadedTraject
         data, digest = unpacked(packed, path), sha256_of(packed)
         if not data.startswith(MCAP_MAGIC):
             return LoadedTrajectory(_from_text(data, path, topic), digest)
-    trajectory, warnings = _from_mcap(data, path, topic)
+    trajectory, warnings = read_mcap_trajectory(data, path, topic)
     return LoadedTrajectory(trajectory, digest, warnings)
 
 
@@ -61,7 +61,10 @@ def _from_text(data: bytes, file: str, topic: str | None) -> Trajectory:
     return trajectory
 
 
-def _from_mcap(data: bytes, file: str, topic: str | None) -> tuple[Trajectory, tuple[str, ...]]:
+def read_mcap_trajectory(
+    data: bytes, file: str, topic: str | None
+) -> tuple[Trajectory, tuple[str, ...]]:
+    """The poses of an MCAP file, and what was wrong with it; raises as `load_trajectory`."""
     from mapcli.formats.logs.log import Source
     from mapcli.formats.logs.mcap.pose_reader import read_mcap_poses
     from mapcli.model.log import Damage

@@ -13,22 +13,13 @@ import numpy as np
 
 from mapcli.errors import FormatError
 from mapcli.formats.documents.json_document import document, json_bytes, read_document
-from mapcli.formats.input import read_file, sha256_of
+from mapcli.formats.input import sha256_of
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import FARTHEST_M, Pose2D
-from mapcli.model.trace import PoseTrace, TracedPose
+from mapcli.model.trace import Loop, PoseTrace, TracedPose
 from mapcli.model.trajectory import Trajectory
 
 POSE_TRACE = "mapcli.pose-trace"
-
-
-def load_trace_poses(path: str | Path) -> Trajectory:
-    """Read the poses of a trace, from standard input for `-`.
-
-    Raises:
-        FormatError: as of `read_trace_poses`, or no such file.
-    """
-    return read_trace_poses(read_file(Path(path)), str(path))
 
 
 def read_trace_poses(data: bytes, file: str) -> Trajectory:
@@ -37,7 +28,12 @@ def read_trace_poses(data: bytes, file: str) -> Trajectory:
     Raises:
         FormatError: not a trace, or a pose without its numbers.
     """
-    poses = read_document(data, file, POSE_TRACE).get("poses")
+    return poses_of(read_document(data, file, POSE_TRACE), file)
+
+
+def poses_of(content: Mapping[str, Any], file: str) -> Trajectory:
+    """The poses of a trace that is read already; raises as `read_trace_poses`."""
+    poses = content.get("poses")
     if not isinstance(poses, list):
         raise FormatError("has no list of poses", file=file, expected=POSE_TRACE)
     rows = []
@@ -77,33 +73,80 @@ def _digest(path: Path) -> str | None:
     return None
 
 
-def move_trace(path: str | Path, motion: Isometry) -> bytes:
-    """The bytes of a trace after a rigid motion of its map, maybe with a mirror image.
+def rewritten(
+    content: Mapping[str, Any], file: str, digest: str, motion: Isometry | None = None
+) -> dict[str, Any]:
+    """A trace as a new document that was made of `file`, after a rigid motion of its map.
 
     The poses move with the map. Odometry and loops are relative and stay as they are, except that
     a mirror changes the sign of their y and theta.
 
     Raises:
-        FormatError: as of `load_trace_poses`; odometry, loops or parameters that are none; a
-            number anywhere that JSON does not have.
+        FormatError: odometry, loops or parameters that are none.
     """
-    data, file = read_file(Path(path)), str(path)
-    content = read_document(data, file, POSE_TRACE)
-    read_trace_poses(data, file)
+    poses, loops = content["poses"], content.get("loops") or []
+    head = document(POSE_TRACE, {Path(file).name: digest}, {}, {})
+    parameters = {} if motion is None else {
+        "moved_by": {**_pose(motion.pose), "mirrored": motion.mirrored}
+    }  # fmt: skip
+    if motion is not None:
+        poses = []
+        for k, pose in enumerate(content["poses"]):
+            with _told(file, f"pose {k}", "odom of x, y and theta, or null"):
+                poses.append(_moved(pose, motion))
+        with _told(file, "loops", "a list of loops with dy and dtheta"):
+            loops = [_moved_loop(loop, motion) for loop in loops]
+    with _told(file, "parameters", "names and values"):
+        head["parameters"] = {**content.get("parameters", {}), **parameters}
+    rest = {key: value for key, value in content.items() if key not in head}
+    return {**head, **rest, "files": [], "loops": loops, "poses": poses}
+
+
+def trace_bytes(content: Mapping[str, Any], file: str) -> bytes:
+    """The document as JSON.
+
+    Raises:
+        FormatError: a number that JSON does not have.
+    """
+    with _told(file, None, "finite numbers"):
+        written = json_bytes(content)
+    return written
+
+
+def trace_of(content: Mapping[str, Any], file: str) -> PoseTrace:
+    """The records of a document whose poses `read_trace_poses` has read.
+
+    Raises:
+        FormatError: odometry, a score or a loop that is none.
+    """
     poses = []
     for k, pose in enumerate(content["poses"]):
-        with _told(file, f"pose {k}", "odom of x, y and theta, or null"):
-            poses.append(_moved(pose, motion))
-    with _told(file, "loops", "a list of loops with dy and dtheta"):
-        loops = [_moved_loop(loop, motion) for loop in content.get("loops") or []]
-    moved_by = {**_pose(motion.pose), "mirrored": motion.mirrored}
-    head = document(POSE_TRACE, {Path(path).name: sha256_of(data)}, {}, {})
-    with _told(file, "parameters", "names and values"):
-        head["parameters"] = {**content.get("parameters", {}), "moved_by": moved_by}
-    rest = {key: value for key, value in content.items() if key not in head}
-    with _told(file, None, "finite numbers"):
-        moved = json_bytes({**head, **rest, "files": [], "loops": loops, "poses": poses})
-    return moved
+        with _told(file, f"pose {k}", "odom of x, y and theta, or null; a score"):
+            odom, score = pose.get("odom"), pose.get("score")
+            poses.append(
+                TracedPose(
+                    int(pose["stamp_ns"]),
+                    _pose_of(pose),
+                    _pose_of(odom) if odom else None,
+                    None if score is None else float(score),
+                    pose.get("status"),
+                )
+            )
+    with _told(file, "loops", "a list of loops"):
+        loops = [_loop_of(loop, len(poses)) for loop in content.get("loops") or []]
+    return PoseTrace(tuple(poses), tuple(loops))
+
+
+def _loop_of(loop: Mapping[str, Any], poses: int) -> Loop:
+    start, end, score = int(loop["from"]), int(loop["to"]), loop.get("score")
+    if not (0 <= start < poses and 0 <= end < poses):
+        raise ValueError(start, end)
+    motion = Pose2D(*(float(loop[key]) for key in ("dx", "dy", "dtheta")))
+    return Loop(start, end, motion, None if score is None else float(score))
+
+
+def _pose_of(numbers: Mapping[str, Any]) -> Pose2D:
+    return Pose2D(*(float(numbers[key]) for key in ("x", "y", "theta")))
 
 
 @contextmanager
@@ -121,7 +164,7 @@ def _moved_loop(loop: dict[str, Any], motion: Isometry) -> dict[str, Any]:
 
 
 def _moved(pose: dict[str, Any], motion: Isometry) -> dict[str, Any]:
-    moved = motion.apply_pose(Pose2D(*(float(pose[key]) for key in ("x", "y", "theta"))))
+    moved = motion.apply_pose(_pose_of(pose))
     odom = pose.get("odom")
     if odom and motion.mirrored:
         odom = odom | {"y": -odom["y"], "theta": -odom["theta"]}
@@ -156,7 +199,7 @@ def trace_document(
             "from": loop.from_,
             "to": loop.to,
             **{f"d{name}": value for name, value in _pose(loop.pose).items()},
-            "score": round(loop.score, 4),
+            "score": None if loop.score is None else round(loop.score, 4),
         }
         for loop in trace.loops
     ]

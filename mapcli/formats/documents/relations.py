@@ -14,7 +14,7 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from mapcli.errors import FormatError
-from mapcli.formats.documents.trajectory_text import columns, rows_of_words, stamp_ns
+from mapcli.formats.documents.text_columns import columns, rows_of_words, stamp_ns
 from mapcli.formats.file_kind import Role, expecting
 from mapcli.formats.input import read_file, unpacked
 from mapcli.model.pose import FARTHEST_M

@@ -5,6 +5,8 @@
     1.0 0.5  back                # driven to in reverse
 
 The same as YAML: `waypoints: [[0.5, 0.5], [3, 0.5, speed=0.3, pause=2], [1, 0.5, back]]`.
+
+A pose trace is a path as well: its corners are the waypoints.
 """
 
 from __future__ import annotations
@@ -12,16 +14,22 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 import yaml
 
 from mapcli.errors import DataError, FormatError
-from mapcli.formats.file_kind import Role, expecting
+from mapcli.formats.documents.load_trajectory import load_trajectory
+from mapcli.formats.file_kind import Role, expecting, kind_at
 from mapcli.formats.input import read_file
 from mapcli.formats.yaml_mapping import YamlMapping
+from mapcli.model.trajectory import Poses
 from mapcli.model.waypoint import Waypoint
 
 EXPECTED = "`X Y [back] [speed=M/S] [pause=S]`"
 LIMITS = ("speed", "pause")
+
+OFF_PATH_M = 0.05
+"""How far a drive along a trace may be from it: what a robot misses a waypoint by, rounding it."""
 
 
 def load_waypoints(path: str | Path) -> list[Waypoint]:
@@ -31,6 +39,9 @@ def load_waypoints(path: str | Path) -> list[Waypoint]:
         FormatError: not readable, empty, or a bad waypoint, naming its line.
     """
     path = Path(path)
+    kind = kind_at(path)
+    if kind is not None and kind.role is Role.TRACE:
+        return waypoints_along(load_trajectory(path).trajectory.poses)
     with expecting(path, "a list of waypoints", Role.WAYPOINTS):
         waypoints = read_waypoints(read_file(path, "a list of waypoints"), str(path))
     if not waypoints:
@@ -48,6 +59,29 @@ def read_waypoints(data: bytes, file: str) -> list[Waypoint]:
     is_yaml = any(line.startswith("waypoints:") for line in text.splitlines())
     rows = _yaml_rows(data, file) if is_yaml else _text_rows(text)
     return [_waypoint(words, file, f"line {line}") for line, words in rows]
+
+
+def waypoints_along(poses: Poses) -> list[Waypoint]:
+    """The corners of a path from which it is nowhere farther than `OFF_PATH_M`; driven to in
+    reverse where the robot looked backwards.
+
+    Args:
+        poses: shape (n, 3).
+    """
+    import shapely
+
+    if len(poses) < 2:
+        return [Waypoint(x, y) for x, y, _ in poses.tolist()]
+    line = shapely.simplify(shapely.LineString(poses[:, :2]), OFF_PATH_M, preserve_topology=False)
+    corners = shapely.get_coordinates(line)
+    waypoints, at = [Waypoint(*poses[0, :2].tolist())], 0
+    for corner, (dx, dy) in zip(corners[1:], np.diff(corners, axis=0).tolist(), strict=True):
+        end = at + int(np.argmax((poses[at:, :2] == corner).all(axis=1)))
+        ahead = np.cos(poses[at : end + 1, 2]) * dx + np.sin(poses[at : end + 1, 2]) * dy
+        x, y = corner.tolist()
+        waypoints.append(Waypoint(x, y, back=bool(ahead.sum() < 0)))
+        at = end
+    return waypoints
 
 
 def _text_rows(text: str) -> Iterator[tuple[int, list[str]]]:

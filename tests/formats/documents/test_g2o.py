@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mapcli.formats.documents.trajectory_text import STEP_INFORMATION, dump_trajectory
+from mapcli.formats.documents.trace_g2o import STEP_INFORMATION
+from mapcli.formats.documents.trajectory_text import dump_trajectory
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import InformationTriangle
 from mapcli.model.trace import Loop, PoseTrace, TracedPose

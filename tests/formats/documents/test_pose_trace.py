@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from mapcli.errors import FormatError
-from mapcli.formats.documents.pose_trace import move_trace, torn_files
+from mapcli.formats.documents.load_trace import move_trace
+from mapcli.formats.documents.pose_trace import torn_files
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import Pose2D
 
