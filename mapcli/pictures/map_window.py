@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mapcli.model.grid import GridMap, bands
+from mapcli.model.seen_part import seen_edges
 from mapcli.pictures.drawing import INK, UNKNOWN, WHITE, Colour
 
 USUAL_SIDE, LARGEST_SIDE = 1600, 4000
@@ -86,11 +87,6 @@ class PlanLayout:
         return round(40 * self.unit)
 
 
-SEEN_SQUARE_M = 0.5
-"""Of squares this wide, metres, a robot has seen at least half where it looked, and not merely
-through a gap: single beams through doors and windows reach as far again as the building."""
-
-
 def window_of(
     grid: GridMap, path: NDArray[np.float64] | None = None, *, scale: int | None = None,
     crop: bool = True,
@@ -119,7 +115,7 @@ def _window(grid: GridMap, path: NDArray[np.float64] | None) -> tuple[int, int, 
     if rows.size == 0:
         rows, columns = np.array([0, grid.rows - 1]), np.array([0, grid.columns - 1])
     elif path is not None:
-        rows, columns = _seen_part(known, grid.resolution)
+        rows, columns = seen_edges(known, grid.resolution)
     if path is not None and len(path):
         # A path that leaves the map by more than the map's size would leave nothing of the map.
         reach = max(grid.rows, grid.columns)
@@ -133,29 +129,6 @@ def _window(grid: GridMap, path: NDArray[np.float64] | None) -> tuple[int, int, 
         int(rows.max()) + margin + 1,
         int(columns.max()) + margin + 1,
     )
-
-
-def _seen_part(
-    known: NDArray[np.bool_], resolution: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First and last row, and column, of the squares of which half is known, where there are any;
-    else of what is known. The squares overlap by half."""
-    half = max(round(SEEN_SQUARE_M / 2 / resolution), 1)
-    counts = np.min_scalar_type(4 * half * half)  # of coarse maps there are as many as cells
-    strips = np.add.reduceat(known, range(0, len(known), half), axis=0, dtype=counts)
-    blocks = np.add.reduceat(strips, range(0, known.shape[1], half), axis=1, dtype=counts)
-    blocks = np.pad(blocks, ((0, 1), (0, 1)))
-    squares = blocks[:-1, :-1] + blocks[1:, :-1] + blocks[:-1, 1:] + blocks[1:, 1:]
-    seen = squares >= 2 * half * half
-    if not seen.any():
-        seen = squares > 0
-    edges = []
-    for axis in (1, 0):
-        first, *_, last = np.flatnonzero(seen.any(axis=axis)).repeat(2)
-        there = np.flatnonzero(known.any(axis=axis))
-        inside = there[(there >= first * half) & (there < (last + 2) * half)]
-        edges.append(inside[[0, -1]])
-    return edges[0], edges[1]
 
 
 def map_pixels(window: MapWindow) -> NDArray[np.uint8]:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import numpy as np
+
 from mapcli.algorithms.scans.mount_check import MountCheck
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.slam.back_end import BackEndResult
@@ -20,6 +22,7 @@ from mapcli.model.log import Damage
 from mapcli.model.pose import Pose2D
 from mapcli.model.reason import Reason
 from mapcli.model.scan import NANOSECONDS, RangeScan, Record
+from mapcli.model.seen_part import seen_part
 from mapcli.model.summary import ReplaySummary
 from mapcli.model.sweep_summary import SweepSummary, turn_time
 from mapcli.model.trace import PoseTrace, TracedPose
@@ -148,8 +151,15 @@ class ReplayRun:
             missed = self._scans_read - len(self.poses)
             skipped["scans not reached before the interruption"] = missed
         trace = self.trace()
+        return Replayed(self._map(trace), trace, self._summary(trace, damage, skipped))
+
+    def _map(self, trace: PoseTrace) -> GridMap:
+        """The map, of a known one all that there was, else without what was glimpsed around it."""
         grid = self.slam.map if self.finalised is None else self.finalised.grid
-        return Replayed(grid.to_grid_map(), trace, self._summary(trace, damage, skipped))
+        if self.slam.is_continued:
+            return grid.to_grid_map()
+        path = np.array([(traced.pose.x, traced.pose.y) for traced in trace.poses])
+        return seen_part(grid.to_grid_map(), path)
 
     def trace(self) -> PoseTrace:
         """The poses until now, and the loops closed."""

@@ -51,12 +51,17 @@ class SweepSearch:
         held back until they are."""
         records = iter(records)
         for record in records:
-            held = deque([record])
+            held, stopped = deque([record]), None
             if _is_open(record):
                 self.was_needed = True
                 if self.order is None and self._searches < MOST_SEARCHES:
-                    yield from self._search(held, records)
+                    try:
+                        yield from self._search(held, records)
+                    except KeyboardInterrupt as interrupt:  # what was read is not lost
+                        stopped = interrupt
             yield from map(self._timed, held)
+            if stopped is not None:
+                raise stopped
 
     def _search(self, held: deque[Record], records: Iterator[Record]) -> Iterator[Record]:
         """One search; yields the records of the time before the robot moves. What was read beyond

@@ -114,3 +114,15 @@ def test_what_is_found_is_used_and_said() -> None:
     assert told.summary.sweep is not None
     assert not told.summary.sweep.is_found
     assert at_once.summary.sweep is None
+
+
+def test_what_was_read_before_an_interruption_is_not_lost() -> None:
+    records, passed = SweepingRobot(seconds=8).records(UNTOLD), list[Record]()
+
+    def interrupted() -> Iterator[Record]:
+        yield from records
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        passed.extend(SweepSearch().settled(interrupted()))
+    assert [record.stamp_ns for record in passed] == [record.stamp_ns for record in records]
