@@ -62,10 +62,10 @@ def command(
 ) -> None:
     """Convert a log to MCAP with ROS 2 messages: /scan, /odom, /tf and /tf_static.
 
-    LOG is a CARMEN log (ODOM, FLASER, ROBOTLASER1; plain or gzip), an MCAP file, a folder with
-    MCAP files (a ROS 2 bag), or - for standard input; several are one recording in parts. The
-    result gives the same map and poses as the log itself. Of a damaged log, what can be read is
-    converted; what is lost is said.
+    LOG is a log of any kind that slam-replay reads: MCAP, a ROS 1 or ROS 2 bag (a file, or a
+    folder), a CARMEN log, packed or not, or - for standard input; several are one recording in
+    parts. The result gives the same map and poses as the log itself. Of a damaged log, what can be
+    read is converted; what is lost is said.
 
     \b
     Examples:

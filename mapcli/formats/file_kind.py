@@ -142,7 +142,7 @@ def kind_of(start: bytes, name: str = "") -> FileKind | None:
         start: `SNIFFED_BYTES` of it, or all there are.
     """
     if packing := packing_of(start):
-        return _packed(packing, kind_of(unpacked_start(start), Path(name).stem))
+        return _packed(packing.name, kind_of(unpacked_start(start), Path(name).stem))
     for magic, kind in MAGIC:
         if start.startswith(magic):
             return kind

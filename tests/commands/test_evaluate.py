@@ -233,7 +233,7 @@ def test_wrong_usage(words: str, problem: str, capsys: pytest.CaptureFixture[str
          "trace has 2 poses from 1000.000 to 1001.000 s, the reference"),
         ("late.txt a.relations", "late.txt: covers none of 3 relations: it has 2 poses from 1000"),
         ("found.txt truth.txt --delta 99m", "no two poses are 99 m apart; expected a smaller"),
-        ("found.txt truth.txt --topic /pose", "truth.txt: has no topic /pose; expected an MCAP"),
+        ("found.txt truth.txt --topic /pose", "truth.txt: has no topic /pose; expected a log"),
         ("found.txt truth.txt --png truth.txt", "truth.txt: is one of the files to be read"),
     ],
 )  # fmt: skip

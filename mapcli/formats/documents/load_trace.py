@@ -12,7 +12,11 @@ from typing import Any
 
 from mapcli.errors import FormatError
 from mapcli.formats.documents.json_document import read_document
-from mapcli.formats.documents.load_trajectory import read_mcap_trajectory
+from mapcli.formats.documents.load_trajectory import (
+    LoadedTrajectory,
+    is_log_of_messages,
+    logged_trajectory,
+)
 from mapcli.formats.documents.pose_trace import (
     POSE_TRACE,
     poses_of,
@@ -28,13 +32,16 @@ from mapcli.formats.documents.trajectory_text import (
     read_text_trace,
 )
 from mapcli.formats.file_kind import Role, expecting
-from mapcli.formats.input import MCAP_MAGIC, read_file, sha256_of, unpacked
+from mapcli.formats.input import read_file, sha256_of, unpacked
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import Pose2D
 from mapcli.model.trace import PoseTrace, TracedPose
 from mapcli.model.trajectory import Trajectory
 
 TRACE_SUFFIXES = (".json", *WRITERS)
+
+LOGGED = "a log"
+"""The form of poses that are messages of a log."""
 
 
 def trace_suffix(file: str) -> str:
@@ -104,7 +111,7 @@ class LoadedTrace:
 
 
 def load_trace(path: str | Path, topic: str | None = None) -> LoadedTrace:
-    """Load a trace from trace.json, TUM, KITTI, g2o, CSV, or the poses in an MCAP file.
+    """Load a trace from trace.json, TUM, KITTI, g2o, CSV, or the poses in a log.
 
     `-` is standard input; `topic` as of `load_trajectory`.
 
@@ -112,30 +119,33 @@ def load_trace(path: str | Path, topic: str | None = None) -> LoadedTrace:
         FormatError, DataError: as of `load_trajectory`; a loop or odometry that is none.
     """
     file = str(path)
+    if Path(file).is_dir():
+        return _of_log(logged_trajectory(file, topic), file)
     with expecting(file, "a trace", Role.TRACE):
         packed = read_file(Path(file), EXPECTED)
         data, digest = unpacked(packed, file), sha256_of(packed)
-        if topic is not None and not data.startswith(MCAP_MAGIC):
-            raise FormatError(f"has no topic {topic}", file=file, expected="an MCAP file")
+        is_log = is_log_of_messages(data)
+        if topic is not None and not is_log:
+            raise FormatError(f"has no topic {topic}", file=file, expected="a log of messages")
         if data.lstrip()[:1] == b"{":
             content = read_document(data, file, POSE_TRACE)
             poses_of(content, file)
             return LoadedTrace(file, content, POSE_TRACE, True, digest)
-        if not data.startswith(MCAP_MAGIC):
+        if not is_log:
             text = read_text_trace(data, file)
             content = _content(text.trace, text.form, file, digest)
             return LoadedTrace(file, content, text.form, text.has_times, digest, (), text.trace)
-    return _from_mcap(data, file, digest, topic)
+    return _of_log(logged_trajectory(file, topic, data), file)
 
 
-def _from_mcap(data: bytes, file: str, digest: str, topic: str | None) -> LoadedTrace:
-    trajectory, warnings = read_mcap_trajectory(data, file, topic)
+def _of_log(loaded: LoadedTrajectory, file: str) -> LoadedTrace:
+    trajectory = loaded.trajectory
     stamps = trajectory.stamps_ns
     assert stamps is not None, "messages have stamps"
     rows = zip(stamps.tolist(), trajectory.poses.tolist(), strict=True)
     trace = PoseTrace(tuple(TracedPose(t, Pose2D(*pose), None, None, None) for t, pose in rows))
-    content = _content(trace, "MCAP", file, digest)
-    return LoadedTrace(file, content, "MCAP", True, digest, warnings, trace)
+    content = _content(trace, LOGGED, file, loaded.sha256)
+    return LoadedTrace(file, content, LOGGED, True, loaded.sha256, loaded.warnings, trace)
 
 
 def _content(trace: PoseTrace, form: str, file: str, digest: str) -> dict[str, Any]:

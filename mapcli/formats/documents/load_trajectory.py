@@ -1,11 +1,12 @@
 """Loading a trajectory: the content decides which format it is, not the suffix.
 
-Our own `trace.json`, the formats of `trajectory_text`, `t x y theta` text, and MCAP files with
-poses such as those that `mapcli simulate` writes. Plain or gzip.
+Our own `trace.json`, the formats of `trajectory_text`, `t x y theta` text, and logs of messages
+(MCAP, ROS bags) with poses such as those that `mapcli simulate` writes. Plain or packed.
 """
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from mapcli.errors import FormatError
 from mapcli.formats.documents.pose_trace import read_trace_poses
 from mapcli.formats.documents.trajectory_text import EXPECTED, read_trajectory
 from mapcli.formats.file_kind import Role, expecting
-from mapcli.formats.input import MCAP_MAGIC, read_file, sha256_of, spooled, unpacked
+from mapcli.formats.input import read_file, sha256_of, spooled, unpacked
 from mapcli.model.trajectory import Trajectory
 
 
@@ -29,12 +30,12 @@ class LoadedTrajectory:
 
 
 def load_trajectory(path: str | Path, topic: str | None = None) -> LoadedTrajectory:
-    """Load a trajectory from trace.json, TUM, KITTI, g2o, CSV, or the poses in an MCAP file.
+    """Load a trajectory from trace.json, TUM, KITTI, g2o, CSV, or the poses in a log.
 
     `-` is standard input.
 
     Args:
-        topic: where the poses of an MCAP file are; None finds the only candidate.
+        topic: where the poses of a log are; None finds the only candidate.
 
     Raises:
         FormatError: no such file, of no known format, malformed, without poses, or with stamps
@@ -42,18 +43,26 @@ def load_trajectory(path: str | Path, topic: str | None = None) -> LoadedTraject
         DataError: no topic with poses, or no obvious one.
     """
     path = str(path)
+    if Path(path).is_dir():
+        return logged_trajectory(path, topic)
     with expecting(path, "a trace", Role.TRACE):
         packed = read_file(Path(path), EXPECTED)
         data, digest = unpacked(packed, path), sha256_of(packed)
-        if not data.startswith(MCAP_MAGIC):
+        if not is_log_of_messages(data):
             return LoadedTrajectory(_from_text(data, path, topic), digest)
-    trajectory, warnings = read_mcap_trajectory(data, path, topic)
-    return LoadedTrajectory(trajectory, digest, warnings)
+    return logged_trajectory(path, topic, data)
+
+
+def is_log_of_messages(data: bytes) -> bool:
+    """Whether a file begins like a log of messages."""
+    from mapcli.formats.logs.open_log import MAGICS
+
+    return data.startswith(tuple(MAGICS))
 
 
 def _from_text(data: bytes, file: str, topic: str | None) -> Trajectory:
     if topic is not None:
-        raise FormatError(f"has no topic {topic}", file=file, expected="an MCAP file")
+        raise FormatError(f"has no topic {topic}", file=file, expected="a log of messages")
     if data.lstrip()[:1] != b"{":
         return read_trajectory(data, file)
     trajectory = read_trace_poses(data, file)
@@ -61,18 +70,29 @@ def _from_text(data: bytes, file: str, topic: str | None) -> Trajectory:
     return trajectory
 
 
-def read_mcap_trajectory(
-    data: bytes, file: str, topic: str | None
-) -> tuple[Trajectory, tuple[str, ...]]:
-    """The poses of an MCAP file, and what was wrong with it; raises as `load_trajectory`."""
+def logged_trajectory(path: str, topic: str | None, data: bytes = b"") -> LoadedTrajectory:
+    """The poses of a log of messages; raises as `load_trajectory`.
+
+    Args:
+        data: what was read of standard input.
+    """
     from mapcli.formats.logs.log import Source
-    from mapcli.formats.logs.mcap.pose_reader import read_mcap_poses
+    from mapcli.formats.logs.open_log import sources_of
+    from mapcli.formats.logs.pose_reader import read_logged_poses
     from mapcli.model.log import Damage
 
-    damage = Damage()
-    copy = spooled([data])  # MCAP needs random access
-    trajectory = read_mcap_poses(Source(file, copy.path, copy), topic, damage)
-    return trajectory, tuple(damage.lines())
+    if path == "-":
+        copy = spooled([data])
+        sources = [Source(path, copy.path, copy)]
+    else:
+        sources = list(sources_of(path))
+    damage, digest = Damage(), hashlib.sha256()
+    trajectory = read_logged_poses(sources, topic, damage)
+    for source in sources:
+        with source.path.open("rb") as file:
+            for block in iter(lambda: file.read(1 << 20), b""):
+                digest.update(block)
+    return LoadedTrajectory(trajectory, digest.hexdigest(), tuple(damage.lines()))
 
 
 def _check(trajectory: Trajectory, file: str) -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Literal
 
 from mapcli.errors import FormatError
 from mapcli.formats.file_kind import kind_of
 from mapcli.formats.input import (
-    GZIP_MAGIC,
     MCAP_MAGIC,
     SNIFFED_BYTES,
     Reopenable,
@@ -17,37 +17,41 @@ from mapcli.formats.input import (
     spooled,
     standard_input,
 )
+from mapcli.formats.logs.bag_metadata import named_files
 from mapcli.formats.logs.blocks import read_blocks
 from mapcli.formats.logs.carmen import CarmenLog
 from mapcli.formats.logs.carmen_lines import looks_like_carmen
 from mapcli.formats.logs.log import Log, Source
+from mapcli.formats.logs.message_file import MessageFile
+from mapcli.formats.packed import packing_of
 from mapcli.model.log import Damage, LogOptions
 
 __all__ = ["Log", "open_log"]
 
 DEFAULTS = LogOptions()
 
-EXPECTED = "an MCAP file or a CARMEN log"
+EXPECTED = "an MCAP file, a ROS bag or a CARMEN log"
 
-_CONVERT = "first: rosbags-convert --src {file} --dst {stem}-mcap --dst-storage mcap"
-SQLITE = b"SQLite format 3"
-FOREIGN = {
-    b"#ROSBAG V": f"is a ROS 1 bag; convert it {_CONVERT}",
-    SQLITE: "is part of a ROS 2 bag in SQLite; name the folder it lies in to see how to convert it",
-    b"BZh": "is packed with bzip2; unpack it first",
-    b"\xfd7zXZ": "is packed with xz; unpack it first",
-    b"\x28\xb5\x2f\xfd": "is packed with zstd; unpack it first",
-    b"PK\x03\x04": "is a zip archive; unpack it first",
+Kind = Literal["MCAP", "ROS 1 bag", "ROS 2 bag in SQLite", "CARMEN"]
+
+MAGICS: dict[bytes, Kind] = {
+    MCAP_MAGIC: "MCAP",
+    b"#ROSBAG V": "ROS 1 bag",
+    b"SQLite format 3": "ROS 2 bag in SQLite",
 }
-"""First bytes of formats that are recognised but not read -> what the user can do."""
+"""First bytes of a file -> what it is. CARMEN logs are text."""
+
+PARTS = ".mcap", ".db3", ".bag", ".active"
+"""Ends of the names of files of a bag in a folder; behind them may stand that of a packing."""
+PACKED = ".zstd", ".zst", ".gz", ".bz2", ".xz", ".lz4"
 
 
 def open_log(paths: str | Path | Sequence[str | Path], options: LogOptions = DEFAULTS) -> Log:
     """Open one recording for reading; its records stream when they are asked for.
 
     Args:
-        paths: the file, or its parts in any order; a folder stands for the MCAP files in it
-            (a ROS 2 bag), `-` for standard input.
+        paths: the file, or its parts in any order; a folder stands for the bag's files in it, `-`
+            for standard input.
         options: topics, mount, clock and strictness.
 
     Raises:
@@ -56,7 +60,7 @@ def open_log(paths: str | Path | Sequence[str | Path], options: LogOptions = DEF
     """
     names = [str(path) for path in ([paths] if isinstance(paths, str | Path) else paths)]
     try:
-        sources = [source for name in names for source in _sources(name)]
+        sources = [source for name in names for source in sources_of(name)]
         kinds = [_kind(source) for source in sources]
         if len(set(kinds)) > 1:
             raise FormatError(
@@ -72,15 +76,44 @@ def open_log(paths: str | Path | Sequence[str | Path], options: LogOptions = DEF
         raise FormatError((error.strerror or str(error)).lower(), file=name) from error
 
 
-def _open(kind: str, sources: Sequence[Source], options: LogOptions) -> Log:
+def open_files(sources: Sequence[Source], damage: Damage) -> list[MessageFile]:
+    """The files of a recording of messages, without looking for scans in them.
+
+    Raises:
+        FormatError: as of `open_log`, or a log without messages (CARMEN).
+    """
+    kinds = [_kind(source) for source in sources]
+    if "CARMEN" in kinds:
+        name = sources[kinds.index("CARMEN")].name
+        raise FormatError("is a CARMEN log", file=name, expected="a log of messages")
+    return [_container(k)(_unpacked(s, k), damage) for s, k in zip(sources, kinds, strict=True)]
+
+
+def _open(kind: Kind, sources: Sequence[Source], options: LogOptions) -> Log:
     if kind == "CARMEN":
         return CarmenLog(sources, options)
-    from mapcli.formats.logs.mcap.reader import McapLog
+    from mapcli.formats.logs.mcap.reader import MessageLog
 
-    return McapLog(sources, options)
+    return MessageLog(sources, options, _container(kind))
 
 
-def _sources(path: str) -> Iterator[Source]:
+def _container(kind: Kind) -> Callable[[Source, Damage], MessageFile]:
+    """What reads the messages of a file."""
+    if kind == "ROS 1 bag":
+        from mapcli.formats.logs.bag.container import BagFile
+
+        return BagFile
+    if kind == "ROS 2 bag in SQLite":
+        from mapcli.formats.logs.sqlite_file import SqliteFile
+
+        return SqliteFile
+    from mapcli.formats.logs.mcap.container import McapFile
+
+    return McapFile
+
+
+def sources_of(path: str) -> Iterator[Source]:
+    """The files that a name stands for."""
     if path == "-":
         stdin = standard_input()
         yield _source("-", spooled(iter(lambda: stdin.read(SNIFFED_BYTES), b"")))
@@ -95,15 +128,18 @@ def _source(name: str, file: Reopenable) -> Source:
 
 
 def _parts_of_bag(folder: str) -> list[Path]:
-    """The MCAP files of a ROS 2 bag."""
+    """The files of a bag: those that its metadata names, or else those that are there."""
     bag = Path(folder)
-    parts = sorted(bag.glob("*.mcap"), key=_natural)
-    if (bag / "metadata.yaml").exists() and parts:
-        return parts
-    if any(bag.glob("*.db3")):
-        convert = _CONVERT.format(file=folder, stem=bag)
-        raise FormatError(f"is a ROS 2 bag in SQLite; convert it {convert}", file=folder)
-    raise FormatError("is a folder", file=folder, expected=f"{EXPECTED}, or a ROS 2 bag's folder")
+    parts = named_files(bag) or sorted(filter(_is_part, bag.iterdir()), key=_natural)
+    if not parts:
+        raise FormatError("is a folder without a bag's files", file=folder, expected=EXPECTED)
+    return parts
+
+
+def _is_part(path: Path) -> bool:
+    packed = path.suffix.lower() in PACKED
+    name = path.with_suffix("") if packed else path
+    return name.suffix.lower() in PARTS and path.is_file()
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
@@ -111,24 +147,20 @@ def _natural(path: Path) -> list[tuple[int, str]]:
     return [(int(part or 0), text) for part, text in re.findall(r"(\d*)(\D*)", path.name)]
 
 
-def _kind(source: Source) -> str:
-    """`MCAP` or `CARMEN`."""
+def _kind(source: Source) -> Kind:
+    """What a file is, by its content."""
     start = _start(source)
-    if start.startswith(MCAP_MAGIC):
-        return "MCAP"
-    for magic in FOREIGN:
+    for magic, kind in MAGICS.items():
         if start.startswith(magic):
-            stem = Path(source.name).with_suffix("")
-            text = FOREIGN[magic].format(file=source.name, stem=stem)
-            raise FormatError(text, file=source.name)
-    if not start:
-        raise FormatError("is empty", file=source.name, expected=EXPECTED)
-    if not looks_like_carmen(start):
+            return kind
+    if looks_like_carmen(start):
+        return "CARMEN"
+    what = "is empty"
+    if start:
         with source.path.open("rb") as file:
-            kind = kind_of(file.read(SNIFFED_BYTES), source.name)
-        what = f"is {kind}" if kind else "is no log that mapcli knows"
-        raise FormatError(what, file=source.name, expected=EXPECTED)
-    return "CARMEN"
+            found = kind_of(file.read(SNIFFED_BYTES), source.name)
+        what = f"is {found}" if found else "is no log that mapcli knows"
+    raise FormatError(what, file=source.name, expected=EXPECTED)
 
 
 def _start(source: Source) -> bytes:
@@ -141,10 +173,10 @@ def _start(source: Source) -> bytes:
     return start
 
 
-def _unpacked(source: Source, kind: str) -> Source:
-    """MCAP files need random access, so a gzip one is unpacked into a temporary file."""
-    if kind != "MCAP":
+def _unpacked(source: Source, kind: Kind) -> Source:
+    """All but text needs random access, so a packed file is unpacked into a temporary one."""
+    if kind == "CARMEN":
         return source
     with source.path.open("rb") as file:
-        packed = file.read(len(GZIP_MAGIC)) == GZIP_MAGIC
+        packed = packing_of(file.read(SNIFFED_BYTES)) is not None
     return _source(source.name, spooled(read_blocks(source, Damage()))) if packed else source

@@ -121,7 +121,7 @@ def test_other_malformed_files(tmp_path: Path) -> None:
     path = tmp_path / "a"
     with pytest.raises(FormatError, match="a: no such file"):
         load_trajectory(str(path))
-    with pytest.raises(FormatError, match=f"is a directory; {KNOWN}"):
+    with pytest.raises(FormatError, match="is a folder without a bag's files"):
         load_trajectory(str(tmp_path))
     cut = gzip.compress(b"7 1 1 1\n" * 100)[:-12]
     with pytest.raises(FormatError, match=r"a: cannot be unpacked: .*; expected gzip"):
@@ -132,7 +132,7 @@ def test_other_malformed_files(tmp_path: Path) -> None:
         load_trajectory(write(path, head + "]}"))
     with pytest.raises(FormatError, match="a: pose 1: the stamp goes back from 7 to 6 ns"):
         load_trajectory(write(path, head + f"{row % 7}, {row % 6}]}}"))
-    with pytest.raises(FormatError, match="a: has no topic /pose; expected an MCAP file"):
+    with pytest.raises(FormatError, match="a: has no topic /pose; expected a log"):
         load_trajectory(write(path, "7 1 1 1\n"), "/pose")
 
 

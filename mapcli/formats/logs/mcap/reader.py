@@ -1,4 +1,4 @@
-"""MCAP logs with ROS 2 messages in CDR, or in JSON of the same shape, as records."""
+"""Logs of messages, ROS 2 in CDR or in JSON of the same shape, or ROS 1, as records."""
 
 from __future__ import annotations
 
@@ -13,17 +13,20 @@ from typing import Any
 from mapcli.errors import DataError
 from mapcli.formats.logs.log import Log, Source
 from mapcli.formats.logs.losses import LOST_SCANS
-from mapcli.formats.logs.mcap.container import McapFile
+from mapcli.formats.logs.mcap.frames import zstd_start
 from mapcli.formats.logs.message_file import MessageFile, Stream
 from mapcli.formats.logs.mounts import describe_mount
 from mapcli.formats.logs.one_recording import Spans
-from mapcli.formats.logs.ros import decode as decode
+from mapcli.formats.logs.ros import decode, decode_ros1
 from mapcli.formats.logs.ros.decode import LaserScan, Transform
 from mapcli.formats.logs.ros.laser_scan import range_scan
 from mapcli.formats.logs.ros.robot import Robot, TfOdometry, find_robot
 from mapcli.formats.logs.units import count_units, in_metres_and_radians
 from mapcli.model.log import Damage, Delay, Entry, LogOptions, MissedScans, Role, Topic
 from mapcli.model.scan import LATEST_STAMP_S, NANOSECONDS, Mount, Odometry, RangeScan
+
+MAX_MESSAGE_BYTES = 1 << 28
+"""Of an unpacked message; a cloud of a million points has a tenth of it."""
 
 ROLES: dict[str, Role] = {
     "LaserScan": "scan",
@@ -45,14 +48,18 @@ DECODERS: dict[tuple[Role, str], Callable[[Any], Any]] = {
     ("odometry", "json"): decode.odometry_from_json,
     ("tf", "json"): decode.transforms_from_json,
     ("tf_static", "json"): decode.transforms_from_json,
+    ("scan", "ros1"): decode_ros1.scan_from_ros1,
+    ("odometry", "ros1"): decode_ros1.odometry_from_ros1,
+    ("tf", "ros1"): decode_ros1.transforms_from_ros1,
+    ("tf_static", "ros1"): decode_ros1.transforms_from_ros1,
 }
 
 Decoded = tuple[int, Topic, Any, int]
 """Log time, topic, message or missed scans, number of the file."""
 
 
-class McapLog(Log):
-    """One recording in one or several MCAP files.
+class MessageLog(Log):
+    """One recording in one or several files of messages.
 
     Raises:
         FormatError: damaged, and `strict` is set.
@@ -60,10 +67,15 @@ class McapLog(Log):
 
     scans_are = "a topic of sensor_msgs/msg/LaserScan"
 
-    def __init__(self, sources: Sequence[Source], options: LogOptions) -> None:
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        options: LogOptions,
+        container: Callable[[Source, Damage], MessageFile],
+    ) -> None:
         super().__init__(sources, options)
         self._structure: Damage = type(self.damage)()
-        self._files = [McapFile(source, self._structure) for source in sources]
+        self._files = [container(source, self._structure) for source in sources]
         self._topics = topics_of(self._files)
         self._robot: Robot | None = None
 
@@ -76,7 +88,7 @@ class McapLog(Log):
             raise DataError(
                 f"{foreign[0].name} holds {foreign[0].type} in {foreign[0].encoding}",
                 file=self.sources[0].name,
-                expected=f"{self.scans_are} in cdr or json",
+                expected=f"{self.scans_are} in cdr, json or ros1",
             )
         try:
             return super().require_scan_topics()
@@ -131,7 +143,7 @@ class McapLog(Log):
                 yield log_time, topic, MissedScans(LOST_SCANS, lost=True, count=lost), part
                 continue
             try:
-                yield log_time, topic, decoder(data), part
+                yield log_time, topic, decoder(unpacked(data)), part
             except ValueError:
                 where = f"at {log_time / NANOSECONDS:.3f} s"
                 what = f"messages on {topic.name} without readable content"
@@ -246,6 +258,25 @@ def topics_of(files: Sequence[MessageFile]) -> dict[Topic, list[tuple[MessageFil
     return topics
 
 
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+"""How a message begins that rosbag2 has packed (`--compression-mode message`); CDR begins with
+two bytes of which the first is 0."""
+
+
+def unpacked(data: memoryview) -> memoryview | bytes:
+    """A message, unpacked if it was packed by itself.
+
+    Raises:
+        ValueError: it is broken.
+    """
+    if data[:4] != ZSTD_MAGIC:
+        return data
+    content = zstd_start(bytes(data), MAX_MESSAGE_BYTES)
+    if not content:
+        raise ValueError("a packed message that is broken")
+    return content
+
+
 def role_of_stream(file: MessageFile, number: int, stream: Stream) -> Role:
     """The role of a stream; `other` if its encoding cannot be decoded."""
     role = role_of_type(stream.type)
@@ -258,8 +289,13 @@ def role_of_stream(file: MessageFile, number: int, stream: Stream) -> Role:
 
 
 def role_of_type(type_name: str) -> Role:
-    """By the last part: `sensor_msgs/msg/LaserScan`, `sensor_msgs::msg::dds_::LaserScan_`."""
-    return ROLES.get(re.split(r"[/:.]+", type_name)[-1].rstrip("_"), "other")
+    """By the last part."""
+    return ROLES.get(kind_of_type(type_name), "other")
+
+
+def kind_of_type(type_name: str) -> str:
+    """The last part: of `sensor_msgs/msg/LaserScan`, `sensor_msgs::msg::dds_::LaserScan_`."""
+    return re.split(r"[/:.]+", type_name)[-1].rstrip("_")
 
 
 def _role_of_json(file: MessageFile, number: int) -> Role:

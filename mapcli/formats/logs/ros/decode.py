@@ -73,7 +73,7 @@ class Transform:
     motion: Rigid
 
 
-def _refuses(decode: Callable[[Buffer], Result]) -> Callable[[Buffer], Result]:
+def refuses(decode: Callable[[Buffer], Result]) -> Callable[[Buffer], Result]:
     """All that decoding bad bytes can raise becomes ValueError."""
 
     @wraps(decode)
@@ -101,7 +101,7 @@ _BAD_BYTES = (
 )
 
 
-@_refuses
+@refuses
 def scan_from_cdr(data: Buffer) -> LaserScan:
     order, body = _opened(data)
     stamp, frame, at = _header(order, body, 0)
@@ -113,7 +113,7 @@ def scan_from_cdr(data: Buffer) -> LaserScan:
     return LaserScan(stamp, frame, angle_min, angle_max, increment, seconds, low, high, ranges)
 
 
-@_refuses
+@refuses
 def odometry_from_cdr(data: Buffer) -> OdometryMessage:
     order, body = _opened(data)
     stamp, frame, at = _header(order, body, 0)
@@ -122,7 +122,7 @@ def odometry_from_cdr(data: Buffer) -> OdometryMessage:
     return OdometryMessage(stamp, frame, child, planar_pose((x, y), quaternion))
 
 
-@_refuses
+@refuses
 def pose_from_cdr(data: Buffer) -> PoseMessage:
     order, body = _opened(data)
     stamp, frame, at = _header(order, body, 0)
@@ -130,7 +130,7 @@ def pose_from_cdr(data: Buffer) -> PoseMessage:
     return PoseMessage(stamp, frame, planar_pose((x, y), quaternion))
 
 
-@_refuses
+@refuses
 def transforms_from_cdr(data: Buffer) -> list[Transform]:
     order, body = _opened(data)
     (n,) = struct.unpack_from(f"{order}I", body, 0)
@@ -158,12 +158,16 @@ def _header(order: str, body: Buffer, at: int) -> tuple[int, str, int]:
     at += -at % 4
     seconds, nanoseconds = struct.unpack_from(f"{order}iI", body, at)
     frame, at = _string(order, body, at + 8)
-    return _stamp(seconds, nanoseconds), frame, at
+    return stamp_of(seconds, nanoseconds), frame, at
 
 
 def _string(order: str, body: Buffer, at: int) -> tuple[str, int]:
-    """A frame's name and its end."""
-    at += -at % 4
+    """A frame's name and its end; its length starts at a multiple of four."""
+    return string_at(order, body, at + -at % 4)
+
+
+def string_at(order: str, body: Buffer, at: int) -> tuple[str, int]:
+    """A frame's name that begins right there, and its end."""
     (letters,) = struct.unpack_from(f"{order}I", body, at)
     at += 4
     if letters > MAX_NAME_BYTES:
@@ -176,7 +180,7 @@ def _decoded(name: bytes) -> str:
     return _frame(name.rstrip(b"\0").decode())
 
 
-@_refuses
+@refuses
 def scan_from_json(data: Buffer) -> LaserScan:
     message = _object(data)
     with np.errstate(over="ignore"):
@@ -191,7 +195,7 @@ def scan_from_json(data: Buffer) -> LaserScan:
     return LaserScan(_json_stamp(message), _json_frame(message), **number, ranges=ranges)
 
 
-@_refuses
+@refuses
 def odometry_from_json(data: Buffer) -> OdometryMessage:
     message = _object(data)
     pose = message["pose"]["pose"]
@@ -206,7 +210,7 @@ def odometry_from_json(data: Buffer) -> OdometryMessage:
     )
 
 
-@_refuses
+@refuses
 def transforms_from_json(data: Buffer) -> list[Transform]:
     return [
         Transform(
@@ -227,7 +231,7 @@ def _frame(name: str) -> str:
     return name.lstrip("/")
 
 
-def _stamp(seconds: Any, nanoseconds: Any) -> int:
+def stamp_of(seconds: Any, nanoseconds: Any) -> int:
     stamp = int(seconds) * NANOSECONDS + int(nanoseconds)
     if abs(stamp) >= 1 << 63:  # JSON has numbers of any length
         raise ValueError(f"a stamp of {stamp.bit_length()} bits")
@@ -250,7 +254,7 @@ def _json_stamp(message: dict[str, Any]) -> int:
     stamp = message["header"]["stamp"]
     seconds = next(stamp[key] for key in ("sec", "secs") if key in stamp)
     parts = (stamp[key] for key in ("nanosec", "nsec", "nsecs") if key in stamp)
-    return _stamp(seconds, next(parts, 0))
+    return stamp_of(seconds, next(parts, 0))
 
 
 def _number(value: Any) -> float:
