@@ -123,8 +123,8 @@ def command(
 ) -> None:  # fmt: skip
     """Turn a robot log into a map and a pose trace (Algorithm 9.2).
 
-    LOG is a log with laser scans and odometry: MCAP, a ROS 1 or ROS 2 bag (a file, or a folder),
-    a CARMEN log, each plain or packed (gz, zst, bz2, xz, lz4), or - for standard input. Several LOGs
+    LOG is a log with laser scans and odometry: MCAP, a ROS 1 or ROS 2 bag (a file, or a folder), a
+    CARMEN log, each plain or packed (gz, zst, bz2, xz, lz4), or - for standard input. Several LOGs
     are one recording in parts, in any order; recordings that are not one are refused. Every scan
     gets a pose or a reason.
 
