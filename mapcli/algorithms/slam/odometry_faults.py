@@ -19,10 +19,10 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from mapcli.algorithms.slam.inertia import Inertia
 from mapcli.algorithms.slam.match import Match, MatchHistory
 from mapcli.algorithms.slam.motion_model import OdometryUncertainty
 from mapcli.algorithms.slam.pose_refinement import ScanInMap
-from mapcli.algorithms.slam.stale_odometry import ACCELERATION, SHORTEST_STEP
 from mapcli.model.pose import Pose2D
 
 Hypothesis = Literal["odometry", "reversed", "keeps going"]
@@ -69,9 +69,6 @@ and cannot become active."""
 MOST_DEVIATIONS = 3.0
 """Standard deviations beyond which leaving the prediction costs no more."""
 
-JITTER = 0.005
-"""Metres by which the count of one step is off anyway: a standard deviation."""
-
 STANDSTILL = 0.05
 """Metres per second below which odometry counts nothing."""
 
@@ -110,8 +107,9 @@ class OdometryFaults:
         self.past_poses: tuple[Pose2D, ...] = ()
         self.faulty_scans = 0
         self._counted: Pose2D | None = None
-        # The last motion, as predicted and as the map has it.
-        self._predicted_motion = self._found_motion = Pose2D()
+        self._inertia = Inertia()
+        # Where the robot was at the scan before the last, and its motion from there.
+        self._before, self._found_motion = Pose2D(), Pose2D()
         # Seconds from the scan before to this one, and of the step before.
         self._stamp_ns, self._step_s, self._step_before_s = 0, 0.0, 0.0
         self._is_at_standstill, self._known_share = True, 0.0
@@ -169,11 +167,12 @@ class OdometryFaults:
             others = self.alternatives.values()
             if any(uncertainty.separates(predicted, one.pose, SAME_SIGMAS) for one in others):
                 matches = self._compare(predicted, best, uncertainty, scan)
-            self._predicted_motion = motion
+            self._inertia.add(motion, self._step_s)
         if best.found:
             share = best.known_points / scan.size
             self._known_share += MEAN_WEIGHT * (share - self._known_share)
-        self._found_motion, self._step_before_s = before.between(best.pose), self._step_s
+        self._before, self._step_before_s = before, self._step_s
+        self._found_motion = before.between(best.pose)
         self.past_poses = ()
         selected = self._accept(matches, MIN_SCORE_SHARE * history.running_score) or best
         self.faulty_scans += 0 if self.active == "odometry" else 1 + len(self.past_poses)
@@ -185,9 +184,13 @@ class OdometryFaults:
             other = self.alternatives.pop(name, None)
             if name == self.active or (name == "keeps going" and not self._is_at_standstill):
                 continue
-            ratio = self._inertia_ratio(name, counted, motion)
-            if other is None or other.log_ratio < ratio or len(other.past_poses) == MOST_SCANS:
-                other = AlternativeHypothesis(ratio, before, self._found_motion)
+            new = self._beginning(name, before, counted, motion)
+            if (
+                other is None
+                or other.log_ratio < new.log_ratio
+                or len(other.past_poses) >= MOST_SCANS
+            ):
+                other = new
             else:
                 other = replace(other, past_poses=(*other.past_poses, other.pose))
             if other.log_ratio >= DROP_RATIO:
@@ -195,23 +198,21 @@ class OdometryFaults:
                 pose = other.pose.compose(moved)
                 self.alternatives[name] = replace(other, pose=pose, motion=moved)
 
-    def _inertia_ratio(self, name: Hypothesis, counted: Pose2D, motion: Pose2D) -> float:
-        """The log-likelihood ratio by inertia of an alternative that begins now to the motion of
-        the active hypothesis."""
+    def _beginning(
+        self, name: Hypothesis, before: Pose2D, counted: Pose2D, motion: Pose2D
+    ) -> AlternativeHypothesis:
+        """An alternative that parts from the active hypothesis, and its motion, now or during the
+        step before."""
         other = self._predict(name, counted, self._found_motion)
-        ratio = self._inertia(motion) - self._inertia(other)
+        onset = self._inertia.onset(motion, other, self._step_s)
         # Odometry usually is right, so it gets a chance whatever inertia says.
         least = DROP_RATIO if name == "odometry" else -MOST_INERTIA_RATIO
-        return min(MOST_INERTIA_RATIO, max(least, ratio))
-
-    def _inertia(self, motion: Pose2D) -> float:
-        """How unlikely a motion is after the last one: its negative log-likelihood."""
-        seconds = (self._step_s + self._step_before_s) / 2
-        if min(self._step_s, self._step_before_s) < SHORTEST_STEP:
-            return 0.0
-        change = motion.x / self._step_s - self._predicted_motion.x / self._step_before_s
-        deviation = math.hypot(ACCELERATION * seconds, math.sqrt(2) * JITTER / seconds)
-        return (change / deviation) ** 2 / 2
+        ratio = min(MOST_INERTIA_RATIO, max(least, onset.ratio))
+        if onset.metres is None:
+            return AlternativeHypothesis(ratio, before, self._found_motion)
+        step = replace(self._found_motion, x=onset.metres)
+        pose = self._before.compose(step)
+        return AlternativeHypothesis(ratio, pose, step, (pose,))
 
     def _compare(
         self, predicted: Pose2D, best: Match, uncertainty: OdometryUncertainty, scan: ScanInMap
@@ -268,7 +269,9 @@ class OdometryFaults:
         fits = not match.found or match.score >= low
         if other.log_ratio < enough or not fits:
             return None
-        self._predicted_motion = self._found_motion = other.motion
+        self._inertia.restart(other.motion, self._step_s)
+        self._found_motion = other.motion
+        self._before = (self._before, *other.past_poses)[-1]
         self.past_poses = other.past_poses
         self.active, self.alternatives = name, {}
         return match

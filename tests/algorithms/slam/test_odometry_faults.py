@@ -11,10 +11,11 @@ from support.looping import box, laps, log_of, ring, scan_at, worst
 
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.scans.ray_casting import edges_of
+from mapcli.algorithms.slam.inertia import JITTER
 from mapcli.algorithms.slam.match import Match, MatchHistory, MatchParameters
 from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
-from mapcli.algorithms.slam.odometry_faults import JITTER, OdometryFaults
+from mapcli.algorithms.slam.odometry_faults import OdometryFaults
 from mapcli.algorithms.slam.pose_refinement import ScanInMap
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.model.pose import Pose2D
@@ -90,6 +91,14 @@ def test_no_robot_turns_round_between_two_scans() -> None:
     assert blindly([0.25, 0.25, -0.25, -0.25], 0.25).active == "reversed"
     # And back as soon as the wheels turn round again.
     assert blindly([0.25, 0.25, -0.25, -0.25, 0.25], 0.25).active == "odometry"
+
+
+def test_wheels_that_fail_between_two_scans() -> None:
+    # A half of the third step is counted as it was, and a half backwards.
+    faults = blindly([0.125, 0.125, 0.0, -0.125], 0.125)
+    assert faults.active == "reversed"
+    assert [pose.x for pose in faults.past_poses] == pytest.approx([0.375])
+    assert blindly([0.125, 0.125, 0.0, 0.0], 0.125).active == "odometry"
 
 
 def test_a_robot_that_has_time_may_turn_round() -> None:
