@@ -60,12 +60,16 @@ class StaleOdometry:
     def update(self, step: Pose2D | None, found: Pose2D, seconds: float, *, agrees: bool) -> None:
         """Add a step, as counted and as found in the map.
 
+        A reading that is the last one once more agrees with a robot that is slow just then, and
+        ends nothing.
+
         Args:
-            step: None if nothing was counted, or what was late has come.
+            step: None if nothing is known of the motion, or what was late has come.
             agrees: the two are the same, as far as odometry goes.
         """
         self._before, self._before_s = found, seconds
-        if step is None or agrees:
+        is_repeated = step == Pose2D() and self.counted != self.found
+        if step is None or (agrees and not is_repeated):
             self.counted = self.found = Pose2D()
         else:
             self.counted, self.found = self.counted.compose(step), self.found.compose(found)

@@ -97,8 +97,7 @@ def test_wheels_that_fail_between_two_scans() -> None:
     # A half of the third step is counted as it was, and a half backwards.
     faults = blindly([0.125, 0.125, 0.0, -0.125], 0.125)
     assert faults.active == "reversed"
-    assert [pose.x for pose in faults.past_poses] == pytest.approx([0.375])
-    assert blindly([0.125, 0.125, 0.0, 0.0], 0.125).active == "odometry"
+    assert faults.faulty_scans == 2  # the step in between, too
 
 
 def test_a_robot_that_has_time_may_turn_round() -> None:

@@ -56,6 +56,16 @@ def test_what_agrees_is_forgotten() -> None:
     assert odometry.counted == odometry.found == Pose2D()
 
 
+def test_a_reading_that_is_repeated_while_the_robot_is_slow_ends_nothing() -> None:
+    odometry, slow = after([STEP, STILL], [STEP, STEP]), Pose2D(0.05)
+    odometry.update(STILL, slow, SECONDS, agrees=True)
+    rest = odometry.rest(STEP.compose(slow).compose(slow), SECONDS)
+    assert rest is not None
+    assert (rest.x, rest.y, rest.theta) == pytest.approx((0.05, 0, 0))
+    # A robot that was not late to begin with, and stands, is not either.
+    assert after([STILL, STILL], [STILL, STILL]).counted == STILL
+
+
 TRUE = laps(70.0)
 HELD = {*range(30, 34), *range(60, 63), *range(100, 103)}
 """Scans at which the reading before is repeated: on the straight, in a bend, and later."""
