@@ -25,35 +25,40 @@ class LostTrack:
     """What is known of the robot's pose without the map (stateful: `update` adds every scan).
 
     Attributes:
-        scans: that the map contradicts, until now and in a row.
+        scans: that the map contradicts, since it told the pose last.
         deviations: standard deviations of the pose, as they have added up since the map told it,
             or a scan was written into the map there.
     """
 
     def __init__(self, model: MotionModel) -> None:
-        self.scans, self.deviations = 0, CERTAIN
         self._silent = model.uncertainty(None).deviations
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """The map tells the pose, or a scan is written into it there."""
+        self.scans, self.deviations, self._lost_s = 0, CERTAIN, 0.0
 
     @property
     def is_elsewhere(self) -> bool:
         """Whether the robot must be where the map is not."""
         return self.scans > MOST_SCANS
 
+    @property
+    def anywhere(self) -> StandardDeviations:
+        """`deviations` of a robot that may have been carried while it was lost."""
+        xy, theta = self.deviations
+        return StandardDeviations(xy + CARRIED_SPEED * self._lost_s, theta)
+
     def update(self, match: Match, uncertainty: OdometryUncertainty, step_s: float) -> None:
         """The next scan: its match, and how far off the predicted pose may have been.
 
         Odometry that ends where the map contradicts it has probably failed: it counts as silent.
         """
-        self.scans = self.scans + 1 if match.is_contradicted else 0
         if match.found:
-            self.deviations = CERTAIN
+            self.begin_anew()
             return
-        known = self.deviations.after(uncertainty.metres, uncertainty.deviations)
+        self.deviations = self.deviations.after(uncertainty.metres, uncertainty.deviations)
         if match.is_contradicted:
-            xy, theta = known.after(0.0, self._silent)
-            known = StandardDeviations(xy + CARRIED_SPEED * step_s, theta)
-        self.deviations = known
-
-    def begin_anew(self) -> None:
-        """A scan was written into the map at the robot's pose, whatever that is."""
-        self.scans, self.deviations = 0, CERTAIN
+            self.scans += 1
+            self._lost_s += step_s
+            self.deviations = self.deviations.after(0.0, self._silent)

@@ -67,6 +67,10 @@ RELOCALISE_BELOW, LOST_BELOW = 0.9, 0.6
 """Shares of the running score: below the first, odometry is suspected to have failed and the
 relocalisation window is searched; below the second the map contradicts the pose."""
 
+FITS_FROM = 0.8
+"""The share of the running score from which on one scan alone tells that the robot is far from
+where odometry has it: in a wide window any scan finds walls for half of its points."""
+
 DECISIVE = 5.0
 """Nats by which a match is likelier than odometry's pose, at least, where the map contradicts both:
 odds of 150 to one."""
@@ -206,7 +210,8 @@ class _WindowMatcher:
         if before and not self.uncertainty.separates(before.pose, other.pose, SAME_SIGMAS):
             again = before.evidence
         is_suspect = again > 0 or self.uncertainty.is_suspect or self._is_lost(best)
-        if is_suspect and self._odds(other, best) + again >= 0:
+        is_likely = again > 0 or other.score >= FITS_FROM * self.history.running_score
+        if is_suspect and is_likely and self._odds(other, best) + again >= 0:
             return other
         alternative = Alternative(other.pose, evidence + again)
         return replace(self._unless_lost(best), alternative=alternative)

@@ -246,7 +246,7 @@ class Slam:
         self.trajectory.sweeps.add(number, scan, odom, perception, points.numbers)
         if in_map:
             information = match.information if match.found else None
-            alone, first = self.lost.deviations, self.lost.is_elsewhere
+            alone, first = self.lost.anywhere, self.lost.is_elsewhere
             self.trajectory.add_keyframe(
                 perception, information, self.parameters.odometry, alone, is_first=first
             )

@@ -36,8 +36,9 @@ def test_what_the_map_does_not_tell_adds_up() -> None:
 def test_odometry_that_the_map_contradicts_counts_as_silent() -> None:
     lost = LostTrack(MODEL)
     lost.update(CONTRADICTED, STEP, 0.5)
-    expected = math.hypot(0.03, MODEL.silent_xy) + 0.5 * CARRIED_SPEED
+    expected = math.hypot(0.03, MODEL.silent_xy)
     assert lost.deviations.xy == pytest.approx(expected)
+    assert lost.anywhere.xy == pytest.approx(expected + 0.5 * CARRIED_SPEED)
     silent = math.radians(MODEL.silent_turn_deg)
     assert lost.deviations.theta == pytest.approx(math.hypot(0.04, silent))
 
