@@ -18,6 +18,7 @@ ReasonKind = Literal[
     "known_map",
     "walls_twice",
     "torn",
+    "unjoined",
     "odometry_alone",
     "sliding",
     "unconfirmed",
@@ -26,9 +27,10 @@ ReasonKind = Literal[
 elsewhere than the log says, backwards above all; `range_unit`, `angle_unit`: readings are no
 metres, angles are no radians; `known_map`: the map that was gone on from is of another place, or
 the robot started elsewhere in it; `walls_twice`: places passed twice do not meet; `torn`: scans
-that those taken just before and after contradict; `odometry_alone`: no scan fitted the map;
-`sliding`: scans did not tell how far the robot had come, along corridors above all;
-`unconfirmed`: a long way of which nothing was seen on another visit."""
+that those taken just before and after contradict; `unjoined`: the robot was lost or carried, and
+came to no place that it knew since; `odometry_alone`: no scan fitted the map; `sliding`: scans did
+not tell how far the robot had come, along corridors above all; `unconfirmed`: a long way of which
+nothing was seen on another visit."""
 
 DESCRIPTIONS = frozenset[ReasonKind](("laser_mirrored", "laser_turned", "range_unit", "angle_unit"))
 """Those that are faults of how the log is described, and are mended by an option."""

@@ -37,12 +37,14 @@ class BackEndResult:
         grid: the map that the keyframes make at these poses.
         loops: that were closed, between scans.
         crispness: what deskewing was worth; None if all beams of a scan were taken at once.
+        unjoined: first and last scans of pieces that no loop has joined with the first one.
     """
 
     poses: list[Pose2D]
     grid: OccupancyGrid
     loops: tuple[Loop, ...] = ()
     crispness: Crispness | None = None
+    unjoined: tuple[tuple[int, int], ...] = ()
 
 
 def finalise(
@@ -69,7 +71,8 @@ def finalise(
     start = trajectory.poses[0].compose(poses[0].inverse())
     poses = [trajectory.poses[0], *(start.compose(pose) for pose in poses[1:])]
     grid = map_from_keyframes(trajectory, poses, map_)
-    return BackEndResult(poses, grid, loops_between_scans(trajectory, closed), crispness)
+    loops_closed = loops_between_scans(trajectory, closed)
+    return BackEndResult(poses, grid, loops_closed, crispness, unjoined_scans(trajectory, closed))
 
 
 def loops_between_scans(
@@ -87,3 +90,14 @@ def loops_between_scans(
         )
         for edge, score in zip(closed.loops, closed.scores, strict=True)
     )
+
+
+def unjoined_scans(
+    trajectory: TrackedTrajectory, closed: LoopClosureResult
+) -> tuple[tuple[int, int], ...]:
+    """First and last scans of the pieces that no loop has joined with the first one."""
+    begins = [one.lost_since for one in trajectory.keyframes if one.lost_since is not None]
+    ends = [*(scan - 1 for scan in begins[1:]), len(trajectory.poses) - 1]
+    pieces = dict(zip(begins, ends, strict=False))  # the first piece begins with nothing lost
+    firsts = (trajectory.keyframes[closed.submaps[k].first].lost_since for k in closed.unjoined)
+    return tuple((first, pieces[first]) for first in firsts if first is not None)

@@ -50,7 +50,8 @@ class Keyframe:
         perception: what was seen, in the robot's frame.
         covariance: of the motion since the keyframe before, in this keyframe's own frame.
         metres: driven from the first keyframe to here; where the map began anew, `TEAR_M` more.
-        is_first: of a piece: the map began anew with it, see `lost_track`.
+        lost_since: where the map began anew with it (see `lost_track`), the first of the scans
+            until it that the map before contradicts.
     """
 
     scan: int
@@ -58,7 +59,12 @@ class Keyframe:
     perception: Perception
     covariance: Covariance
     metres: float
-    is_first: bool = False
+    lost_since: int | None = None
+
+    @property
+    def is_first(self) -> bool:
+        """Whether a piece of the trajectory begins with it."""
+        return self.lost_since is not None
 
 
 @dataclass
@@ -113,8 +119,7 @@ class TrackedTrajectory:
         match: InformationMatrix | None,
         odometry: MotionModel,
         alone: StandardDeviations = CERTAIN,
-        *,
-        is_first: bool = False,
+        lost_since: int | None = None,
     ) -> None:
         """The last scan is a keyframe.
 
@@ -122,15 +127,15 @@ class TrackedTrajectory:
             match: information on its pose from the local map, in its own frame; None if the scan
                 was not matched.
             alone: how far off odometry alone may be, see `step_covariance`.
-            is_first: the map begins anew with it.
+            lost_since: where the map begins anew with it, the first scan that was lost.
         """
         motion, metres, pose = Pose2D(), 0.0, self.poses[-1]
         if self.keyframes:
-            last = self.keyframes[-1]
+            last, is_first = self.keyframes[-1], lost_since is not None
             motion, metres = last.pose.between(pose), self._metres_after(last, pose, is_first)
         covariance = step_covariance(motion, match, odometry, alone)
         scan = len(self.poses) - 1
-        self.keyframes.append(Keyframe(scan, pose, perception, covariance, metres, is_first))
+        self.keyframes.append(Keyframe(scan, pose, perception, covariance, metres, lost_since))
 
 
 def step_covariance(

@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mapcli.algorithms.slam.correlative_search import SearchWindow
 from mapcli.algorithms.slam.keyframes import Keyframe
 from mapcli.algorithms.slam.loop_candidates import (
     APART_M,
@@ -34,6 +35,7 @@ from mapcli.algorithms.slam.loop_candidates import (
     search_window,
 )
 from mapcli.algorithms.slam.map_parameters import MapParameters
+from mapcli.algorithms.slam.pieces import Pieces
 from mapcli.algorithms.slam.pose_graph import Edge, GraphPath, PoseGraph
 from mapcli.algorithms.slam.submap_matcher import SubmapMatch, SubmapMatcher
 from mapcli.algorithms.slam.submaps import (
@@ -42,6 +44,7 @@ from mapcli.algorithms.slam.submaps import (
     covariance_between,
     split_into_submaps,
 )
+from mapcli.algorithms.slam.wide_search import WideSearch
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import least_position_deviation
 
@@ -68,6 +71,10 @@ square of their number."""
 
 PRUNE_GATE = 5.0
 """Mahalanobis distance of its residual beyond which a loop is an outlier after optimisation."""
+
+
+CLOSE_WINDOW = SearchWindow(1.0, math.radians(4.0))
+"""Around what was found in a coarse map: some of its cells, and of its headings."""
 
 
 @dataclass(frozen=True)
@@ -97,12 +104,14 @@ class LoopClosureResult:
         submaps: of the trajectory.
         origins: the poses of their origins, loops closed.
         loops: that were accepted, between submaps (their numbers); scores: of each.
+        unjoined: the first submaps of pieces that no loop has joined with the first piece.
     """
 
     submaps: list[Submap]
     origins: list[Pose2D]
     loops: list[Edge]
     scores: list[float]
+    unjoined: list[int]
 
 
 class LoopCloser:
@@ -127,6 +136,9 @@ class LoopCloser:
         self.metres = np.array([keyframes[s.origin].metres for s in self.submaps])
         self.unconfirmed: list[ScoredLoop] = []
         self.accepted: list[ScoredLoop] = []
+        self.pieces = Pieces(keyframes, self.submaps)
+        origins = [one.origin for one in self.submaps]
+        self._wide_search = WideSearch(self.graph, self.matcher, origins, map_)
         self._pending_factors = 0  # accepted since the graph was optimised
         self._loops_to: defaultdict[int, list[Edge]] = defaultdict(list)  # of both lists
 
@@ -141,24 +153,41 @@ class LoopCloser:
         """Close all loops, in the order in which the robot came back."""
         for new in range(len(self.submaps)):
             for old, path in self.candidates(new).items():
-                self.compare(old, new, path)
+                if self.pieces.are_joined(old, new):
+                    self.compare(old, new, path)
+            self.compare_widely(new)
             self.update_graph(self.accept())
             progress(new)
         if self._pending_factors:
             self.graph.optimise(is_near_optimum=True)
         self.prune()
         loops, scores = [one.edge for one in self.accepted], [one.score for one in self.accepted]
-        return LoopClosureResult(self.submaps, self.graph.poses, loops, scores)
+        unjoined = self.pieces.unjoined()
+        return LoopClosureResult(self.submaps, self.graph.poses, loops, scores, unjoined)
 
     def candidates(self, new: int) -> dict[int, GraphPath]:
         """Old submaps where the robot may be again, and the paths there."""
         return find_candidates(self.graph, self.metres, new, self.parameters.widest_xy)
 
     def compare(self, old: int, new: int, path: GraphPath) -> None:
-        """Look for a submap in an old one's map; a reliable match becomes a loop that waits for
-        confirmation."""
+        """Look for a submap in an old one's map, where the graph has it."""
         window = search_window(path, self.parameters.widest_xy)
         predicted = self.graph.poses[old].between(self.graph.poses[new])
+        self._match(old, new, predicted, window)
+
+    def compare_widely(self, new: int) -> None:
+        """Look for a submap among those of pieces that its own is not joined with."""
+        for group in self.pieces.others(new):
+            others = self.pieces.members(group, new)
+            if not self._wide_search.is_due(new, others):
+                continue
+            found = self._wide_search.find(new, others)
+            if found is not None:
+                self._match(found.old, new, found.pose, CLOSE_WINDOW)
+
+    def _match(self, old: int, new: int, predicted: Pose2D, window: SearchWindow) -> None:
+        """Look for a submap in an old one's map; a reliable match becomes a loop that waits for
+        confirmation."""
         a, b = self.submaps[old].origin, self.submaps[new].origin
         match = self.matcher.match(a, b, predicted, window, window.deviations(WINDOW_SIGMAS))
         if match is not None and self.is_reliable(match):
@@ -194,10 +223,24 @@ class LoopCloser:
                     confirmed |= {loop, other}
         taken = [one for one in self.unconfirmed if one.edge in confirmed]
         for one in taken:
+            self._join(one.edge)
             self.graph.add(one.edge)
         self.accepted += taken
         self.unconfirmed = [one for one in self.unconfirmed if one.edge not in confirmed]
         return [one.edge for one in taken]
+
+    def _join(self, loop: Edge) -> None:
+        """A loop between two pieces moves one of them to where it says, with all that hangs on it:
+        from elsewhere the optimiser would take the loop for an outlier."""
+        old, new = loop.from_, loop.to
+        if self.pieces.are_joined(old, new):
+            return
+        poses, moved = self.graph.poses, self.pieces.with_all_that_hangs_on(new)
+        motion = poses[old].compose(loop.measured).compose(poses[new].inverse())
+        if 0 in moved:  # the map's first pose stays where it is
+            moved, motion = self.pieces.with_all_that_hangs_on(old), motion.inverse()
+        self.graph.move(moved, motion)
+        self.pieces.join(old, new)
 
     def _loops_before(self, submap: int) -> Iterator[Edge]:
         """Loops of the submaps just before one."""
@@ -212,7 +255,7 @@ class LoopCloser:
         the new trajectory leads by itself."""
         new = abs(self.metres[one.to] - self.metres[other.to])
         old = abs(self.metres[one.from_] - self.metres[other.from_])
-        if old > 2 * APART_M:
+        if old > 2 * APART_M or not self._are_alongside(one, other):
             return False
         before = self._tracked(one.from_).between(self._tracked(other.from_))
         around = one.measured.inverse().compose(before).compose(other.measured)
@@ -220,6 +263,12 @@ class LoopCloser:
         is_near = math.hypot(error.x, error.y) <= CONSISTENT_M + CONSISTENT_M_PER_M * (new + old)
         turn = math.radians(CONSISTENT_DEG + CONSISTENT_DEG_PER_M * (new + old))
         return is_near and abs(error.theta) <= turn
+
+    def _are_alongside(self, one: Edge, other: Edge) -> bool:
+        """Whether two loops are between the same two pieces, so that tracking leads from the one to
+        the other on both sides."""
+        of = self.pieces.of
+        return of[one.from_] == of[other.from_] and of[one.to] == of[other.to]
 
     def _tracked(self, submap: int) -> Pose2D:
         return self.keyframes[self.submaps[submap].origin].pose

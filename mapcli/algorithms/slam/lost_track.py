@@ -9,6 +9,8 @@ the one before by odometry alone, until loop closure joins them (`pieces`).
 
 from __future__ import annotations
 
+import math
+
 from mapcli.algorithms.slam.match import Match
 from mapcli.algorithms.slam.motion_model import MotionModel, OdometryUncertainty
 from mapcli.model.se2_uncertainty import CERTAIN, StandardDeviations
@@ -17,17 +19,17 @@ MOST_SCANS = 8
 """Scans that the map contradicts, one after the other, after which the robot is elsewhere: who
 walks past the laser hides less of what it sees, or for less long."""
 
-CARRIED_SPEED = 1.0
-"""Metres per second: how fast a robot that is lost may be moved by other than its wheels."""
+ANYWHERE = StandardDeviations(30.0, math.pi)
+"""Of a robot that was carried: some rooms away, and no heading is less likely than another."""
 
 
 class LostTrack:
     """What is known of the robot's pose without the map (stateful: `update` adds every scan).
 
     Attributes:
-        scans: that the map contradicts, since it told the pose last.
-        deviations: standard deviations of the pose, as they have added up since the map told it,
-            or a scan was written into the map there.
+        lost_scans: since the first that the map contradicts; 0 where the map has told the pose
+            since, or a scan was written into it.
+        deviations: standard deviations of the pose, as they have added up since then.
     """
 
     def __init__(self, model: MotionModel) -> None:
@@ -36,20 +38,18 @@ class LostTrack:
 
     def begin_anew(self) -> None:
         """The map tells the pose, or a scan is written into it there."""
-        self.scans, self.deviations, self._lost_s = 0, CERTAIN, 0.0
+        self.lost_scans, self._deviations = 0, CERTAIN
 
     @property
     def is_elsewhere(self) -> bool:
         """Whether the robot must be where the map is not."""
-        return self.scans > MOST_SCANS
+        return self.lost_scans > MOST_SCANS
 
     @property
-    def anywhere(self) -> StandardDeviations:
-        """`deviations` of a robot that may have been carried while it was lost."""
-        xy, theta = self.deviations
-        return StandardDeviations(xy + CARRIED_SPEED * self._lost_s, theta)
+    def deviations(self) -> StandardDeviations:
+        return ANYWHERE if self.is_elsewhere else self._deviations
 
-    def update(self, match: Match, uncertainty: OdometryUncertainty, step_s: float) -> None:
+    def update(self, match: Match, uncertainty: OdometryUncertainty) -> None:
         """The next scan: its match, and how far off the predicted pose may have been.
 
         Odometry that ends where the map contradicts it has probably failed: it counts as silent.
@@ -57,8 +57,7 @@ class LostTrack:
         if match.found:
             self.begin_anew()
             return
-        self.deviations = self.deviations.after(uncertainty.metres, uncertainty.deviations)
+        self._deviations = self._deviations.after(uncertainty.metres, uncertainty.deviations)
+        self.lost_scans += self.lost_scans > 0 or match.is_contradicted
         if match.is_contradicted:
-            self.scans += 1
-            self._lost_s += step_s
-            self.deviations = self.deviations.after(0.0, self._silent)
+            self._deviations = self._deviations.after(0.0, self._silent)

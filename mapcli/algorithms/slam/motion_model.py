@@ -185,11 +185,6 @@ class DeadReckoning:
         suspect = self._step is not None and self._stale.is_impossible(self._step, self._step_s)
         return replace(uncertainty, usual=self.noise.shares, is_suspect=suspect)
 
-    @property
-    def step_s(self) -> float:
-        """Seconds of the last motion."""
-        return self._step_s
-
     def compare(self, found: Pose2D) -> None:
         """Hold the last motion against that between the matched poses, see `StaleOdometry`."""
         step, agrees = self._step, True

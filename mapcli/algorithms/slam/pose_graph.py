@@ -121,6 +121,12 @@ class PoseGraph:
         self._edges_at[edge.from_].remove(edge)
         self._edges_at[edge.to].remove(edge)
 
+    def move(self, numbers: Iterable[int], motion: Pose2D) -> None:
+        """Move some poses together, by a motion in the map."""
+        for number in numbers:
+            self.poses[number] = motion.compose(self.poses[number])
+        self._positions = None
+
     def positions(self) -> NDArray[np.float64]:
         """(x, y) of the poses, shape (n, 2)."""
         if self._positions is None:

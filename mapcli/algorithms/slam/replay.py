@@ -203,7 +203,12 @@ class ReplayRun:
         duration_s = (self.poses[-1].stamp_ns - self.poses[0].stamp_ns) / NANOSECONDS
         return (
             *self.slam.known_map_fit.reasons(duration_s),
-            *map_reasons(trace.poses, compare_scans(sampled, poses), self._remedy()),
+            *map_reasons(
+                trace.poses,
+                compare_scans(sampled, poses),
+                self._remedy(),
+                self.finalised.unjoined if self.finalised else (),
+            ),
         )
 
     def _remedy(self) -> str:

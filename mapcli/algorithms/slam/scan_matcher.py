@@ -68,8 +68,9 @@ RELOCALISE_BELOW, LOST_BELOW = 0.9, 0.6
 relocalisation window is searched; below the second the map contradicts the pose."""
 
 FITS_FROM = 0.8
-"""The share of the running score from which on one scan alone tells that the robot is far from
-where odometry has it: in a wide window any scan finds walls for half of its points."""
+"""The share of the running score from which on scans tell that the robot is elsewhere than odometry
+has it: in a wide window any scan finds walls for half of its points, and so does the next one. That
+it has turned they tell together, for there are fewer headings than places."""
 
 DECISIVE = 5.0
 """Nats by which a match is likelier than odometry's pose, at least, where the map contradicts both:
@@ -210,18 +211,21 @@ class _WindowMatcher:
         if before and not self.uncertainty.separates(before.pose, other.pose, SAME_SIGMAS):
             again = before.evidence
         is_suspect = again > 0 or self.uncertainty.is_suspect or self._is_lost(best)
-        is_likely = again > 0 or other.score >= FITS_FROM * self.history.running_score
+        fits = other.score >= FITS_FROM * self.history.running_score
+        has_turned = self.predicted.distance(other.pose) <= self._window().xy
+        is_likely = fits or (again > 0 and has_turned)
         if is_suspect and is_likely and self._odds(other, best) + again >= 0:
             return other
         alternative = Alternative(other.pose, evidence + again)
         return replace(self._unless_lost(best), alternative=alternative)
 
     def _unless_lost(self, match: Match) -> Match:
-        """A match; not found if the map contradicts it, unless the pose as predicted is far less
-        likely."""
+        """A match; not found if the map contradicts it, unless it is where odometry may err to, and
+        the pose as predicted is far less likely."""
         if not match.found or not self._is_lost(match):
             return match
-        found = self._odds(match, self.scan.compare(self.predicted)) > DECISIVE
+        is_near = not self._is_far(match.pose, self.uncertainty.window_sigmas)
+        found = is_near and self._odds(match, self.scan.compare(self.predicted)) > DECISIVE
         return replace(match, found=found, is_contradicted=not found)
 
     def _odds(self, match: Match, other: Match) -> float:

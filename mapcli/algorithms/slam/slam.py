@@ -126,7 +126,7 @@ class Slam:
                 scan_in_map = ScanInMap(self.map, p, self.parameters.match)
                 b = self.faults.select(c, uncertainty, b, scan_in_map, self._history)
             self._update_history(c, b)
-            self.lost.update(b, uncertainty, self.odometry.step_s)
+            self.lost.update(b, uncertainty)
             if self.is_continued:
                 self.known_map_fit.add(b, p, self.parameters.match)
         n = b.pose  # 9: replace new position by best position
@@ -206,7 +206,7 @@ class Slam:
     def _update_map(self, pose: Pose2D, perception: Perception, laser: Mount) -> bool:
         """Line 10, unless the map contradicts the scan; where it goes on doing so, a map that
         forgets begins anew, and one that does not is written to after all."""
-        if not self.lost.scans:
+        if not self.lost.lost_scans:
             return self.local_map.update(pose, perception, laser)
         if not self.lost.is_elsewhere or not self.local_map.is_due(pose, laser):
             return False
@@ -246,10 +246,9 @@ class Slam:
         self.trajectory.sweeps.add(number, scan, odom, perception, points.numbers)
         if in_map:
             information = match.information if match.found else None
-            alone, first = self.lost.anywhere, self.lost.is_elsewhere
-            self.trajectory.add_keyframe(
-                perception, information, self.parameters.odometry, alone, is_first=first
-            )
+            odometry, alone = self.parameters.odometry, self.lost.deviations
+            since = 1 + number - self.lost.lost_scans if self.lost.is_elsewhere else None
+            self.trajectory.add_keyframe(perception, information, odometry, alone, since)
 
     @property
     def submap_count(self) -> int:

@@ -144,12 +144,16 @@ class SubmapMatcher:
 
     def points(self, origin: int) -> NDArray[np.float64]:
         """What was seen in a submap, shape (n, 2), metres in the frame of its origin."""
-        at = self.keyframes[origin].pose
-        seen = [
-            at.between(self.keyframes[k].pose).apply(self._near_hits(k).hits)
-            for k in self._chosen(origin, POINTS_M)
-        ]
+        seen = [pose.apply(one.hits) for pose, one in self.seen_in(origin)]
         return voxel_filtered(np.concatenate(seen), POINT_CELL)
+
+    def seen_in(self, origin: int, metres: float = POINTS_M) -> list[tuple[Pose2D, Perception]]:
+        """What was hit in a submap, near the robot, with the poses in the frame of its origin."""
+        at = self.keyframes[origin].pose
+        return [
+            (at.between(self.keyframes[k].pose), self._near_hits(k))
+            for k in self._chosen(origin, metres)
+        ]
 
     def map_around(self, origin: int, room: NDArray[np.float64] | None = None) -> OccupancyGrid:
         """The map that was made around an origin, in its frame.
@@ -167,15 +171,12 @@ class SubmapMatcher:
 
     def _make_map(self, origin: int, room: NDArray[np.float64] | None) -> OccupancyGrid:
         """`map_around`, which has room for the box from the start, so that it need not grow."""
-        grid, at = OccupancyGrid(self.map), self.keyframes[origin].pose
-        chosen = self._chosen(origin, MAP_M)
-        poses = [at.between(self.keyframes[k].pose) for k in chosen]
-        seen = [self._near_hits(k) for k in chosen]
-        ends = [pose.apply(one.hits) for pose, one in zip(poses, seen, strict=True)]
+        grid, seen = OccupancyGrid(self.map), self.seen_in(origin, MAP_M)
+        ends = [pose.apply(one.hits) for pose, one in seen]
         held = np.concatenate(ends if room is None else [*ends, room])
         if len(held):
             grid.extend_to(held.min(axis=0), held.max(axis=0))
-        for pose, perception in zip(poses, seen, strict=True):
+        for pose, perception in seen:
             grid.integrate(pose, perception, update_field=False)
         grid.build_likelihood_field()
         return grid

@@ -69,7 +69,7 @@ def apply_corrections(
 
     Between two origins, a scan is carried along by both: its pose is interpolated between where
     the one and where the other takes it, by its number. Before the first origin and after the last
-    one it is carried by that one alone.
+    one it is carried by that one alone; and where a piece begins, by the origin on its side.
     """
     frames = [trajectory.keyframes[s.origin] for s in submaps]
     scans = [frame.scan for frame in frames]
@@ -81,6 +81,10 @@ def apply_corrections(
             corrected.append(origins[k].compose(frames[k].pose.between(pose)))
             continue
         one, other = (origins[k].compose(frames[k].pose.between(pose)) for k in (after - 1, after))
+        begins = trajectory.keyframes[submaps[after].first].lost_since
+        if begins is not None:  # a piece begins, and nothing is between the two
+            corrected.append(other if scan >= begins else one)
+            continue
         share = (scan - scans[after - 1]) / (scans[after] - scans[after - 1])
         corrected.append(interpolate(one, other, share))
     return corrected

@@ -48,6 +48,11 @@ MEET_NOT = "walls that another visit saw through: the places do not meet"
 LOST = "walls that scans nearby saw through: tracking was lost"
 """What contradicting scans say, of other visits and of scans just before and after."""
 
+ELSEWHERE = (
+    "lost, or carried, and came to no place known before: how this lies to the rest is unknown"
+)
+"""What is said of a piece that was not joined."""
+
 MOST_SPANS = 20
 """Reasons of a kind that are told, the longest ones."""
 
@@ -56,6 +61,7 @@ def map_reasons(
     poses: Sequence[TracedPose],
     agreements: Sequence[Agreement],
     remedy: str = "",
+    unjoined: Sequence[tuple[int, int]] = (),
 ) -> tuple[Reason, ...]:
     """What makes a map doubtful or bad, of the map itself.
 
@@ -63,6 +69,7 @@ def map_reasons(
         poses: of every scan, as they are in the map.
         agreements: of some of the scans, in time order.
         remedy: the option to try where places passed twice do not meet.
+        unjoined: first and last scans of pieces that hang on the rest by odometry alone.
     """
     if not poses:
         return ()
@@ -70,6 +77,7 @@ def map_reasons(
     return (
         *run.contradicting("walls_twice", MEET_NOT, lambda one: one.apart, remedy),
         *run.contradicting("torn", LOST, lambda one: one.near),
+        *run.unjoined(unjoined),
         *run.by_odometry_alone(),
         *run.sliding(),
         *run.never_seen_again(),
@@ -117,6 +125,11 @@ class _Run:
             else:
                 spans.append((scan, scan))
         return spans
+
+    def unjoined(self, spans: Sequence[tuple[int, int]]) -> Iterator[Reason]:
+        """Pieces of which nobody knows how they lie to the rest."""
+        for first, last in spans:
+            yield self._reason("unjoined", "bad", first, last, ELSEWHERE)
 
     def by_odometry_alone(self) -> Iterator[Reason]:
         """Stretches at which the map said nothing of the robot's pose."""

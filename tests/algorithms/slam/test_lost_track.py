@@ -7,7 +7,7 @@ import math
 import pytest
 from support.looping import laps, log_of, ring, rooms, scan_at
 
-from mapcli.algorithms.slam.lost_track import CARRIED_SPEED, MOST_SCANS, LostTrack
+from mapcli.algorithms.slam.lost_track import ANYWHERE, MOST_SCANS, LostTrack
 from mapcli.algorithms.slam.match import Match
 from mapcli.algorithms.slam.motion_model import MotionModel, OdometryUncertainty
 from mapcli.algorithms.slam.slam import Slam
@@ -24,34 +24,35 @@ MODEL = MotionModel()
 
 def test_what_the_map_does_not_tell_adds_up() -> None:
     lost = LostTrack(MODEL)
-    lost.update(BLIND, STEP, 0.2)
+    lost.update(BLIND, STEP)
     assert lost.deviations == pytest.approx((0.03, 0.04))
-    lost.update(BLIND, STEP, 0.2)  # the heading is off by 0.04 while it drives 2 m
+    lost.update(BLIND, STEP)  # the heading is off by 0.04 while it drives 2 m
     assert lost.deviations == pytest.approx((math.sqrt(2 * 0.03**2 + 0.08**2), 0.04 * math.sqrt(2)))
-    assert lost.scans == 0
-    lost.update(FOUND, STEP, 0.2)
+    assert lost.lost_scans == 0
+    lost.update(FOUND, STEP)
     assert lost.deviations == CERTAIN
 
 
 def test_odometry_that_the_map_contradicts_counts_as_silent() -> None:
     lost = LostTrack(MODEL)
-    lost.update(CONTRADICTED, STEP, 0.5)
+    lost.update(CONTRADICTED, STEP)
     expected = math.hypot(0.03, MODEL.silent_xy)
     assert lost.deviations.xy == pytest.approx(expected)
-    assert lost.anywhere.xy == pytest.approx(expected + 0.5 * CARRIED_SPEED)
     silent = math.radians(MODEL.silent_turn_deg)
     assert lost.deviations.theta == pytest.approx(math.hypot(0.04, silent))
 
 
 def test_a_robot_is_elsewhere_when_the_map_goes_on_contradicting() -> None:
     lost = LostTrack(MODEL)
-    for _ in range(MOST_SCANS):
-        lost.update(CONTRADICTED, STEP, 0.2)
+    for match in [CONTRADICTED, *[BLIND, CONTRADICTED] * MOST_SCANS][:MOST_SCANS]:
+        lost.update(match, STEP)
         assert not lost.is_elsewhere
-    lost.update(CONTRADICTED, STEP, 0.2)
+    lost.update(BLIND, STEP)
     assert lost.is_elsewhere
+    assert lost.deviations == ANYWHERE
+    assert lost.lost_scans == MOST_SCANS + 1
     lost.begin_anew()
-    assert (lost.is_elsewhere, lost.scans, lost.deviations) == (False, 0, CERTAIN)
+    assert (lost.is_elsewhere, lost.lost_scans, lost.deviations) == (False, 0, CERTAIN)
 
 
 WAY = laps(10, 0.2)
@@ -84,7 +85,8 @@ def test_a_robot_that_was_carried_begins_anew() -> None:
     found = list(slam.replay(log_of(scans, odom)))
     first = [frame for frame in slam.trajectory.keyframes if frame.is_first]
     assert [frame.scan for frame in first] == [len(WAY) + MOST_SCANS]
-    assert math.sqrt(first[0].covariance[2, 2]) > math.radians(25)
+    assert [frame.lost_since for frame in first] == [len(WAY)]
+    assert math.sqrt(first[0].covariance[2, 2]) > 3.0
     lost = [k for k, one in enumerate(found) if one.status == "odometry"]
     assert lost == list(range(len(WAY), len(WAY) + MOST_SCANS + 1))
     for traced, pose in zip(found[len(WAY) :], there, strict=True):

@@ -1,0 +1,126 @@
+"""Where in what was mapped before is a submap, when its pose is lost? A search as wide as that.
+
+A window that holds a turn of 80 degrees and as many metres has too many poses for the cells of a
+map, and too many places in it for its submaps one by one. So the submaps that were mapped before
+are laid into one coarse map, in which the new one is searched for by branch and bound. What is
+found is a prediction and no more: it is matched anew, closely, with the nearest submap.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapcli.algorithms.scans.perception import Perception
+from mapcli.algorithms.slam._kernels.window_scores import PoseGrid
+from mapcli.algorithms.slam.agreement import agreement
+from mapcli.algorithms.slam.correlative_search import best_in_window
+from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
+from mapcli.algorithms.slam.map_parameters import MapParameters
+from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
+from mapcli.algorithms.slam.pose_graph import PoseGraph
+from mapcli.algorithms.slam.scan_points import radius_of, voxel_filtered
+from mapcli.algorithms.slam.submap_matcher import SubmapMatcher
+from mapcli.model.pose import Pose2D
+
+CELL, POINT_CELL = 0.2, 0.4
+"""Metres along a cell of the coarse map, and along a square that keeps one point."""
+
+TURNS = 180
+"""Headings in half a circle: a cell of the coarse map at 11 m."""
+
+BESIDE_M = 10.0
+"""Metres from the submaps that were mapped before, at which a robot still sees them."""
+
+NODES_A_SUBMAP = 50_000
+"""Squares times headings that may be looked into for each submap of the trajectory: 30 ms."""
+
+LEAST_SCORE = 0.4
+"""Of what is found in the coarse map, to be matched anew."""
+
+
+class Found(NamedTuple):
+    """Where a submap may be: seen from an old one."""
+
+    old: int
+    pose: Pose2D
+
+
+class WideSearch:
+    """Searches of submaps among others (stateful: it keeps the last coarse map, and counts
+    what searches cost).
+
+    Args:
+        origins: the keyframes at the submaps' origins.
+    """
+
+    def __init__(
+        self, graph: PoseGraph, matcher: SubmapMatcher, origins: list[int], map_: MapParameters
+    ) -> None:
+        self.graph, self.matcher, self.origins = graph, matcher, origins
+        self._map = replace(map_, resolution=max(CELL, map_.resolution), blur=CELL)
+        self._spent, self._searched = 0, set[int]()
+        self._coarse: tuple[list[int], list[Pose2D], OccupancyGrid] | None = None
+
+    def is_due(self, new: int, others: list[int]) -> bool:
+        """Whether to search for a submap: what has been spent by now must be in proportion to the
+        trajectory; and a submap is searched for with the next one, for only two together tell."""
+        _, poses = self._everywhere(others)
+        nodes = int((2 * poses.reach / LEVEL_WIDTHS[-1] + 1) ** 2) * (2 * TURNS + 1)
+        allowed = NODES_A_SUBMAP * (new + 1) - self._spent
+        if allowed < (nodes if new - 1 in self._searched else 2 * nodes):
+            return False
+        self._spent += nodes
+        self._searched.add(new)
+        return True
+
+    def find(self, new: int, others: list[int]) -> Found | None:
+        """The best place of a submap among others, if there is any."""
+        points = self.matcher.points(self.origins[new])
+        if not len(points):
+            return None
+        middle, poses = self._everywhere(others)
+        grid, cell = self._coarse_map(others), self._map.resolution
+        self._cover(grid, middle, poses, radius_of(points))
+        cells, start = voxel_filtered(points, POINT_CELL) / cell, grid.pose_to_cells(middle)
+        best = best_in_window(grid, cells, start, poses).cells(start, poses.turn_step)
+        if agreement(grid, cells, best).score < LEAST_SCORE:
+            return None
+        pose = grid.pose_from_cells(best)
+        old = min(others, key=lambda k: self.graph.poses[k].distance(pose))
+        return Found(old, self.graph.poses[old].between(pose))
+
+    def _everywhere(self, others: list[int]) -> tuple[Pose2D, PoseGrid]:
+        """All poses at which others are seen."""
+        there = self.graph.positions()[others]
+        low, high = there.min(axis=0) - BESIDE_M, there.max(axis=0) + BESIDE_M
+        x, y = ((low + high) / 2).tolist()
+        reach = math.ceil(float((high - low).max()) / 2 / self._map.resolution)
+        return Pose2D(x, y), PoseGrid(reach, TURNS, 1, math.pi / TURNS)
+
+    def _coarse_map(self, others: list[int]) -> OccupancyGrid:
+        """The map that submaps make where the graph has them."""
+        poses = [self.graph.poses[k] for k in others]
+        if self._coarse is not None and self._coarse[:2] == (others, poses):
+            return self._coarse[2]
+        grid, seen = OccupancyGrid(self._map), list[tuple[Pose2D, Perception]]()
+        for k, pose in zip(others, poses, strict=True):
+            seen += [(pose.compose(at), one) for at, one in self.matcher.seen_in(self.origins[k])]
+        ends = np.concatenate([pose.apply(one.hits) for pose, one in seen])
+        if len(ends):
+            grid.extend_to(ends.min(axis=0), ends.max(axis=0))
+        for pose, one in seen:
+            grid.integrate(pose, one, update_field=False)
+        grid.build_likelihood_field()
+        self._coarse = others, poses, grid
+        return grid
+
+    def _cover(self, grid: OccupancyGrid, middle: Pose2D, poses: PoseGrid, radius: float) -> None:
+        """Make a map hold every point at every pose, and the bounds of the field beyond."""
+        slack = (poses.reach + int(LEVEL_WIDTHS[-1]) + 1) * self._map.resolution + radius
+        centre: NDArray[np.float64] = np.array([middle.x, middle.y])
+        grid.extend_to(centre - slack, centre + slack)
