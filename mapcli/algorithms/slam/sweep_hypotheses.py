@@ -11,11 +11,18 @@ from mapcli.algorithms.slam.slam import SlamParameters
 from mapcli.algorithms.slam.sweep_trial import SweepTrial
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan, Record, in_order, turning
-from mapcli.model.sweep import BeamOrder
+from mapcli.model.sweep import AT_ONCE, BeamOrder
 
 SUSPECT = 3.0
 """Standard deviations of what scans ask for as the time of a turn, from which on times are tried:
 more than one in 400 logs shows by chance."""
+
+FEWEST, MOST = 10, 80
+"""Scans under which the robot moves: that tell an order at least, and after which all is tried."""
+
+SURE = 5.0
+"""Standard deviations of what scans ask for as the time of a turn, from which on its sign is that
+of the right one."""
 
 LONGEST_TURN_S = 0.5
 """Lasers on robots turn twice a second at least."""
@@ -24,6 +31,9 @@ TRIES, STEP, LEFT = 6, 0.3, 0.1
 """Times that are tried for a turn, at most; how far a time is from the last until the right one
 lies between two, a share; and how much scans may still ask for there, of what they asked for
 without."""
+
+
+ORDERS: tuple[BeamOrder, BeamOrder] = "forward", "backward"
 
 
 def search_for(scan: RangeScan, parameters: SlamParameters | None) -> OrderSearch | TimeSearch:
@@ -38,33 +48,49 @@ def search_for(scan: RangeScan, parameters: SlamParameters | None) -> OrderSearc
 
 
 class OrderSearch:
-    """Scans tracked in either order (stateful: `step`)."""
+    """Scans tracked as if their beams were taken at once, and in either order if that does not
+    tell (stateful: `step`)."""
 
     def __init__(self, parameters: SlamParameters) -> None:
-        self._forward, self._backward = SweepTrial(parameters), SweepTrial(parameters)
+        self._parameters, self._at_once = parameters, SweepTrial(parameters)
 
     def step(self, scan: RangeScan, odom: Pose2D | None) -> None:
         """Track a scan."""
-        self._forward.step(in_order(scan, "forward"), odom)
-        self._backward.step(in_order(scan, "backward"), odom)
+        self._at_once.step(replace(scan, timing=AT_ONCE, motion=None), odom)
 
     @property
     def is_over(self) -> bool:
-        """Whether the order is certain, or will hardly be any more."""
-        return self._forward.is_long or self._order() is not None
+        """Whether the order is certain, or more scans would hardly tell it."""
+        return self._asked() is not None or self._at_once.has_moved(MOST)
 
     def result(self, held: Iterable[Record]) -> tuple[BeamOrder | None, float]:
-        """The order, if it is certain; the log tells the time."""
-        return self._order(), 0.0
+        """The order by the scans among these records, if it is certain; the log tells the time."""
+        if (asked := self._asked()) is not None:
+            return asked, 0.0
+        records = list(held)
+        forward, backward = (self._tracked(records, order) for order in ORDERS)
+        if forward.is_better_than(backward):
+            return "forward", 0.0
+        return ("backward" if backward.is_better_than(forward) else None), 0.0
 
-    def _order(self) -> BeamOrder | None:
-        if self._forward.is_better_than(self._backward):
-            return "forward"
-        return "backward" if self._backward.is_better_than(self._forward) else None
+    def _asked(self) -> BeamOrder | None:
+        """The order that the scans ask for, if they do so beyond doubt."""
+        asked = self._at_once.estimate()
+        if not self._at_once.has_moved(FEWEST) or abs(asked.seconds) <= SURE * asked.error:
+            return None
+        return "forward" if asked.seconds > 0 else "backward"
+
+    def _tracked(self, records: list[Record], order: BeamOrder) -> SweepTrial:
+        timed = (
+            in_order(record, order) if isinstance(record, RangeScan) else record
+            for record in records
+        )
+        return SweepTrial(self._parameters).steps(odometry_at_scans(timed))
 
 
 class TimeSearch:
-    """Scans tracked as if their beams were taken at once (stateful: `step`)."""
+    """Scans tracked as if their beams were taken at once, and with times if they ask for some
+    (stateful: `step`)."""
 
     def __init__(self, parameters: SlamParameters) -> None:
         self._parameters, self._at_once = parameters, SweepTrial(parameters)
@@ -76,7 +102,7 @@ class TimeSearch:
     @property
     def is_over(self) -> bool:
         """Whether there are scans enough."""
-        return self._at_once.is_long
+        return self._at_once.has_moved(MOST)
 
     def result(self, held: Iterable[Record]) -> tuple[BeamOrder | None, float]:
         """The order of the beams and the seconds of a turn, as the scans among these records show
@@ -107,14 +133,11 @@ class TimeSearch:
 
     def _turning(self, records: list[Record], turn_s: float, order: BeamOrder) -> SweepTrial:
         """The scans tracked as if a turn took so long."""
-        trial = SweepTrial(self._parameters)
         timed = (
             turning(record, turn_s, order) if isinstance(record, RangeScan) else record
             for record in records
         )
-        for scan, odom in odometry_at_scans(timed):
-            trial.step(scan, odom)
-        return trial
+        return SweepTrial(self._parameters).steps(odometry_at_scans(timed))
 
 
 def _next_try(left: dict[float, float], turn_s: float) -> float:

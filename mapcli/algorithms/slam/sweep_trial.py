@@ -4,13 +4,14 @@ as the time that a turn of the laser takes."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from mapcli.algorithms.scans.apparent_motion import MOVED_M, metres_moved
+from mapcli.algorithms.scans.odometry_interpolation import ScanAtOdometry
 from mapcli.algorithms.scans.perception import Perception, range_limits
 from mapcli.algorithms.slam._kernels.gauss_newton import LEAST_INFORMATION
 from mapcli.algorithms.slam._kernels.sweep_time import TimeEquations, add_scan
@@ -22,9 +23,8 @@ from mapcli.algorithms.slam.surfel_map import BEARING_VARIANCE, INDEPENDENT_SHAR
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import NANOSECONDS, Mount, RangeScan
 
-FEWEST, MOST = 10, 100
-"""Scans under which the robot moves: that trials are compared by at least, and after which a trial
-is long enough; it also is after four times as many in all."""
+FEWEST = 10
+"""Scans under which the robot moves that trials are compared by, at least."""
 
 CERTAIN = 4.0
 """Standard errors of the mean by which the scores of a trial exceed those of another."""
@@ -62,10 +62,16 @@ class SweepTrial:
         self._scores.append(traced.score or 0.0)
         self._last[scan.mount] = scan.stamp_ns, traced.pose
 
-    @property
-    def is_long(self) -> bool:
-        """Whether more scans will hardly tell what these do not."""
-        return max(sum(self._moved), len(self._moved) / 4) >= MOST
+    def steps(self, scans: Iterable[ScanAtOdometry]) -> SweepTrial:
+        """Track scans, and be done."""
+        for scan, odom in scans:
+            self.step(scan, odom)
+        return self
+
+    def has_moved(self, scans: int) -> bool:
+        """Whether the robot moved under so many scans, or hardly at all under four times as
+        many."""
+        return max(sum(self._moved), len(self._moved) / 4) >= scans
 
     @property
     def mean_score(self) -> float:
