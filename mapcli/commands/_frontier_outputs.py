@@ -145,11 +145,11 @@ def contents(
 
 def map_files(file: str, grid: GridMap) -> dict[str, bytes]:
     """The map's files. An image keeps whole percents when there are other cells than 0 and 1."""
-    from mapcli.formats.maps.save import SaveOptions, dump_map
+    from mapcli.commands._map_output import usual_options
+    from mapcli.formats.maps.save import dump_map
 
     graded = grid.count(lambda cells: (cells > 0) & (cells < 1)) > 0
-    options = SaveOptions("scale" if graded else "trinary", format="txt" if file == "-" else None)
-    return dump_map(grid, file, options)
+    return dump_map(grid, file, usual_options(file, "scale" if graded else "trinary"))
 
 
 def curve_content(file: str, runs: Runs) -> bytes:

@@ -91,10 +91,11 @@ def _plan_line(cell: FrontierCell) -> str:
 def map_text(exploration: Exploration, low: float, width: int) -> list[str]:
     """The map as text: numbers where they fit into so many letters a line, else `#` for
     obstacles, `.` for open and `?` for unknown cells, reduced to fit."""
+    from mapcli.commands._map_output import TERMINAL_DIGITS
     from mapcli.formats.maps.text import number_rows
 
     grid = exploration.after
-    numbers = b"".join(number_rows(grid)).decode().splitlines()
+    numbers = b"".join(number_rows(grid, TERMINAL_DIGITS)).decode().splitlines()
     if len(numbers[0]) <= width:
         return numbers
     known = crop_to_known(grid, margin=1)

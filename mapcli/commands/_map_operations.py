@@ -8,56 +8,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from mapcli import load_map
-from mapcli.commands._options import NumberList, PoseType
+from mapcli.commands._map_operation_types import SEARCH, CellsToSet
 from mapcli.formats.input import read_file, sha256_of
 from mapcli.formats.maps.dialects import Dialect
 from mapcli.formats.maps.load import LoadedMap
+from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap, crop_to_known
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import Pose2D
 
 if TYPE_CHECKING:
     from mapcli.algorithms.maps.transform import MovedMap
-
-SEARCH = "search"
-
-
-class Crop(NumberList):
-    """`known`, or a box in metres."""
-
-    def __init__(self) -> None:
-        super().__init__("LEFT,BOTTOM,RIGHT,TOP")
-
-    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
-        return f"known|{self.name}"
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
-        return value if value == "known" else super().convert(value, param, ctx)
-
-
-class MergeType(click.Path):
-    """`MAP`, `MAP@X,Y,YAW_DEG` or `MAP@search`: a file, and how its world is moved."""
-
-    name = "MAP[@X,Y,YAW_DEG|@search]"
-
-    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
-        return self.name
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
-        if isinstance(value, tuple):
-            return value
-        file, _, motion = str(value).rpartition("@")
-        if file and motion == SEARCH:
-            return file, SEARCH
-        if file and "," in motion:
-            return file, PoseType().convert(motion, param, ctx)
-        return str(value), None
-
-
-MERGE = MergeType()
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +166,14 @@ def _merge(result: Result, value: tuple[str, Pose2D | str | None], dialect: Dial
     return result.noted("merge", text, file=name, **facts, overlap_m2=round(overlap, 3))
 
 
+def _set(result: Result, value: CellsToSet, dialect: Dialect) -> Result:
+    from mapcli.algorithms.maps.set_cells import set_cells
+
+    grid, changed = set_cells(result.grid, *value.corners, value.probability)
+    made = replace(result, grid=grid)
+    return made.noted("set", f"{value.text}: {counted(changed, 'cells')} changed", cells=changed)
+
+
 OPERATIONS: dict[str, Callable[[Result, Any, Dialect], Result]] = {
     "crop": _crop,
     "bake_yaw": _bake_yaw,
@@ -213,6 +183,7 @@ OPERATIONS: dict[str, Callable[[Result, Any, Dialect], Result]] = {
     "shift": _shift,
     "origin": _origin,
     "align": _align,
+    "set": _set,
     "merge": _merge,
 }
 """Option (with `_` for `-`) -> what it does."""
@@ -241,6 +212,8 @@ def _operation(name: str, value: Any) -> dict[str, Any]:
     if name == "merge":
         file, how = value
         return {name: Path(file).name, "motion": _rounded(how) if isinstance(how, Pose2D) else how}
+    if isinstance(value, CellsToSet):
+        return {name: value.text}
     return {name.replace("_", "-"): _rounded(value) if isinstance(value, Pose2D) else value}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,32 @@ from typing import Any
 import click
 
 from mapcli.errors import DataError, OutputError
-from mapcli.formats.maps.save import SUFFIXES, Pieces, SaveOptions, map_files
+from mapcli.formats.maps.map_image import Mode
+from mapcli.formats.maps.save import SUFFIXES, Format, Pieces, SaveOptions, map_files
 from mapcli.formats.output import OutputSet
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
 
 DEFAULTS = SaveOptions()
+
+TERMINAL_DIGITS = 1
+"""After the point, of a map that is printed on a terminal, as the book prints maps."""
+
+digits_option = click.option("--digits", type=click.IntRange(1, 9), metavar="N", help="Round "
+    "text to N digits after the point.  [default: exact; 1 on a terminal]")  # fmt: skip
+
+
+def terminal_digits(target: str) -> int | None:
+    """Digits of a map that goes to a terminal; None, exact, for files and pipes."""
+    on_terminal = target == "-" and sys.stdout is not None and sys.stdout.isatty()
+    return TERMINAL_DIGITS if on_terminal else None
+
+
+def usual_options(target: str, mode: Mode = DEFAULTS.mode) -> SaveOptions:
+    """How commands without options for it write a map: by its suffix, as text on standard
+    output."""
+    form: Format | None = "txt" if target == "-" else None
+    return SaveOptions(mode, format=form, digits=terminal_digits(target))
 
 
 def save_options(target: str, given: dict[str, Any]) -> SaveOptions:
@@ -31,9 +52,13 @@ def save_options(target: str, given: dict[str, Any]) -> SaveOptions:
         raise click.UsageError(
             f"{target!r} says no format; end it in {', '.join(SUFFIXES)} or add --to."
         )
-    for flag, only in (("characters", "txt"), ("inline", "yaml")):
+    for flag, only in (("characters", "txt"), ("digits", "txt"), ("inline", "yaml")):
         if given.get(flag) and form != only:
             raise click.UsageError(f"--{flag} is for {only}, and OUT is {form}.")
+    if given.get("digits") is None:
+        given["digits"] = terminal_digits(target)
+    elif given.get("characters"):
+        raise click.UsageError("--digits is for numbers, and --characters writes none.")
     if given.get("negate") and given["mode"] == "raw":
         raise click.UsageError(
             "--negate has no meaning with --mode raw: Nav2 ignores it there and ROS 1 does not."

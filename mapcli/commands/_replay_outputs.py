@@ -12,10 +12,11 @@ import click
 import numpy as np
 
 from mapcli.algorithms.slam.replay import Replayed
+from mapcli.commands._map_output import usual_options
 from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say
 from mapcli.formats.documents.trajectory_text import WRITERS, dump_trajectory
-from mapcli.formats.maps.save import SUFFIXES, Pieces, SaveOptions, map_files
+from mapcli.formats.maps.save import SUFFIXES, Pieces, map_files
 from mapcli.formats.output import output_set
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
@@ -124,8 +125,7 @@ def _contents(outputs: ReplayOutputs, replayed: Replayed) -> dict[str, bytes | P
     """File -> content, of all but the trace as JSON."""
     contents: dict[str, bytes | Pieces] = {}
     if outputs.map:
-        options = SaveOptions(format="txt" if outputs.map == "-" else None)
-        files = map_files(replayed.map, outputs.map, options)
+        files = map_files(replayed.map, outputs.map, usual_options(outputs.map))
         contents |= {_beside(outputs.map, name): pieces for name, pieces in files.items()}
     if outputs.trace:
         contents[outputs.trace] = dump_trajectory(replayed.trace, outputs.trace)

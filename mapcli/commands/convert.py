@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from mapcli.commands._map_output import DEFAULTS, loss_notes, save_options, write_map
+from mapcli.commands._map_output import DEFAULTS, digits_option, loss_notes, save_options, write_map
 from mapcli.commands._options import FILE, POSE, POSITIVE, Number, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say, warn
@@ -68,6 +68,7 @@ SHARE = Number(0, 1)
 @click.option("--topic", metavar="TOPIC", help="Where the poses of an MCAP IN are, if there are "
               "several.")  # fmt: skip
 @click.option("--characters", is_flag=True, help="Text as `#`, `.` and `?`.")
+@digits_option
 @click.option("--inline", is_flag=True, help="YAML with the cells inside, without an image.")
 @click.option("--plain", is_flag=True, help="PGM as numbers (P2).")
 @click.option(
@@ -104,6 +105,7 @@ def command(
       mapcli convert map.txt map.yaml --mode scale       # map.png + map.yaml, keeps percents
       mapcli convert old.yaml new.yaml --from-dialect ros1 --mode scale
       mapcli convert map.yaml - --threshold 0.7 | head
+      mapcli convert map.yaml map.txt --digits 1         # as the book prints maps
       mapcli convert scan.pgm map.yaml --resolution 0.05 --origin -10,-10,0
       mapcli convert trace.json trace.tum
     """

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mapcli.commands._map_output import usual_options
 from mapcli.commands._options import (
     FILE,
     POSITIVE,
@@ -19,7 +20,7 @@ from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say
 from mapcli.errors import DataError
 from mapcli.formats.input import sha256_of
-from mapcli.formats.maps.save import SUFFIXES, SaveOptions, dump_map
+from mapcli.formats.maps.save import SUFFIXES, dump_map
 from mapcli.formats.output import output_set
 from mapcli.model.grid import GridMap
 from mapcli.model.memory import Memory
@@ -85,7 +86,7 @@ def command(
     except DataError as error:
         error.file = error.file or source
         raise
-    files = dump_map(written, target, SaveOptions(format="txt" if target == "-" else None))
+    files = dump_map(written, target, usual_options(target))
     memory, cells = Memory.of(world, grid), list[tuple[int, int]]()
     # A list of millions takes longer than the map itself.
     if json_file is not None or verbose or memory.occupied <= MOST_LISTED:

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mapcli.commands._map_options import dialect_option
+from mapcli.commands._map_output import usual_options
 from mapcli.commands._options import FILE, POSITIVE, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say, warn
 from mapcli.errors import DataError
 from mapcli.formats.file_kind import Role, kind_at
-from mapcli.formats.maps.save import SUFFIXES, SaveOptions, dump_map
+from mapcli.formats.maps.save import SUFFIXES, dump_map
 from mapcli.formats.output import output_set
 from mapcli.model.counting import counted
 
@@ -170,7 +171,7 @@ def _map(
     warn(source, loaded.warnings, quiet=quiet)
     grid = loaded.grid
     result = rectify_map(grid, tolerance)
-    files = dump_map(result.grid, target, SaveOptions(format="txt" if target == "-" else None))
+    files = dump_map(result.grid, target, usual_options(target))
     with output_set(no_clobber=no_clobber) as outputs:
         outputs.write_beside(target, files)
         if png:

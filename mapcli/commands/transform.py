@@ -6,16 +6,15 @@ from typing import Any
 
 import click
 
+from mapcli.commands._map_operation_types import MERGE, SET, Crop
 from mapcli.commands._map_operations import (
-    MERGE,
     OPERATIONS,
-    Crop,
     Result,
     apply,
     hashing,
     parameters,
 )
-from mapcli.commands._map_output import loss_notes, save_options, write_map
+from mapcli.commands._map_output import digits_option, loss_notes, save_options, write_map
 from mapcli.commands._options import (
     FILE,
     POINT,
@@ -78,6 +77,8 @@ class InOrder(click.Command):
     "--origin", type=POSE, multiple=True, help="Move the world so that this is the map's origin."
 )
 @click.option("--align", is_flag=True, help="Turn the world so that most walls follow its axes.")
+@click.option("--set", type=SET, multiple=True, help="Make a cell, or all from one corner to the "
+              "other, an obstacle (1), open (0), or any other probability.")  # fmt: skip
 @click.option("--merge", type=MERGE, multiple=True, help="Add another map, see above.")
 @click.option(
     "--trace",
@@ -97,12 +98,14 @@ class InOrder(click.Command):
     help="Whose rules say what the grey of an image means.",
 )
 @click.option("--to", "form", type=click.Choice(FORMATS), help="OUT's format if not its suffix's.")
+@digits_option
 @click.option("--json", "json_file", metavar="F", type=FILE, help="Write what was done as JSON.")
 @no_clobber_option
 @common_options
 def command(
     source: str, target: str, trace: tuple[str, str] | None, mode: Any,
-    dialect: Any, form: Any, json_file: str | None, no_clobber: bool, quiet: bool, verbose: bool,
+    dialect: Any, form: Any, digits: int | None, json_file: str | None, no_clobber: bool,
+    quiet: bool, verbose: bool,
     **_operations: Any,
 ) -> None:  # fmt: skip
     """Crop, turn, mirror, move, resample, align, merge maps.
@@ -111,7 +114,7 @@ def command(
 
     \b
     The world stays; a wall has the same coordinates before and after:
-      --crop LEFT,BOTTOM,RIGHT,TOP   --crop known   --bake-yaw   --resample   --merge
+      --crop LEFT,BOTTOM,RIGHT,TOP   --crop known   --bake-yaw   --resample   --merge   --set
     The world moves, and a trace moves with it (--trace OLD NEW):
       --rotate   --flip   --shift   --origin   --align
 
@@ -130,6 +133,7 @@ def command(
       mapcli transform map.yaml straight.yaml --align --crop known --trace trace.json straight.json
       mapcli transform floor1.yaml all.yaml --merge floor2.yaml@search --merge floor3.yaml@search
       mapcli transform map.yaml - --bake-yaw | mapcli info -
+      mapcli transform room.txt changed.txt --set 3,4=1 --set 6,1:7,3=0 --set 0,0=?
     """
     from mapcli import load_map
     from mapcli.formats.documents.load_trace import move_trace, trace_suffix
@@ -142,7 +146,9 @@ def command(
     digests: dict[str, str] = {}
     loaded = load_map(source, dialect=dialect, read=hashing(digests))
     mode = mode or ("trinary" if loaded.rule is None else loaded.rule.mode)
-    options = save_options(target, {"mode": mode, "dialect": dialect, "form": form})
+    options = save_options(
+        target, {"mode": mode, "dialect": dialect, "form": form, "digits": digits}
+    )
     result = apply(loaded, digests, operations, dialect)
     moved = move_trace(trace[0], result.motion, trace_suffix(trace[1])) if trace else None
     with output_set(no_clobber=no_clobber) as outputs:

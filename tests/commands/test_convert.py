@@ -11,6 +11,7 @@ import pytest
 from conftest import run
 
 from mapcli import Pose2D, load_map
+from mapcli.commands._map_output import terminal_digits
 
 BOOK = "resolution: 0.5\n? 0.1 0.2\n1 0.3 0.9\n"
 
@@ -54,6 +55,27 @@ def test_lossless_conversions_say_nothing(capsys: pytest.CaptureFixture[str]) ->
     assert convert("m.yaml", "again.txt") == 0
     assert Path("again.txt").read_text() == "resolution: 0.5\n  ? 0.1 0.2\n  1 0.3 0.9\n"
     assert capsys.readouterr() == ("", "")
+
+
+def test_digits_round_text_and_say_so(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("fine.txt").write_text("? 0.14 2.4e-6\n1 0.75 0.3\n")
+    assert convert("fine.txt", "rounded.txt", "--digits", "1") == 0
+    assert Path("rounded.txt").read_text() == "  ? 0.1   0\n  1 0.8 0.3\n"
+    changed = "3 cells whose probability changes, by up to 0.05; 0 by more than half a digit (0.05)"
+    assert capsys.readouterr().err == f"Note: rounded.txt: {changed}\n"
+    assert convert("fine.txt", "fine.yaml", "--digits", "1") == 2
+    assert convert("fine.txt", "-", "--digits", "1", "--characters") == 2
+
+
+def test_pipes_get_every_digit_and_terminals_one(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    Path("fine.txt").write_text("? 0.14 2.4e-6\n")
+    assert convert("fine.txt", "-") == 0
+    assert capsys.readouterr().out.split() == ["?", "0.14", "2.4e-6"]
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    assert terminal_digits("-") == 1
+    assert terminal_digits("map.txt") is None
 
 
 def test_image_alone_keeps_the_place_and_says_where(capsys: pytest.CaptureFixture[str]) -> None:

@@ -190,3 +190,28 @@ def test_errors(
     assert transform(*arguments) == code
     assert message in capsys.readouterr().err
     assert not Path("a.yaml").exists()
+
+
+def test_cells_are_set(capsys: pytest.CaptureFixture[str]) -> None:
+    changes = "--set", "0,1=0.25", "--set", "2,3:1,2=1", "--set", "0,0=?"
+    assert transform("m.yaml", "set.txt", *changes, "--json", "set.json") == 0
+    wanted = CELLS.copy()
+    wanted[0, 0], wanted[0, 1], wanted[1:, 2:] = np.nan, 0.25, 1
+    made = load_map("set.txt").grid
+    np.testing.assert_array_equal(made.cells, wanted)
+    assert (made.resolution, made.origin) == (0.5, Pose2D(-1, 2))
+    assert "2,3:1,2=1: 3 cells changed" in capsys.readouterr().out  # (2, 2) was 1 before
+    done = json.loads(Path("set.json").read_text())
+    assert done["parameters"]["operations"][0] == {"set": "0,1=0.25"}
+
+
+@pytest.mark.parametrize("wrong", ["0,1", "0,1=2", "0,1=-0.5", "-1,0=1", "0,1:2=1", "0.5,1=1"])
+def test_what_is_no_set_is_wrong_usage(wrong: str) -> None:
+    assert transform("m.yaml", "set.txt", "--set", wrong) == 2
+
+
+def test_a_cell_outside_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert transform("m.yaml", "set.txt", "--set", "0,0:3,0=1") == 1
+    problem = "Error: m.yaml, m.pgm: cell 3,0 is outside the map; expected a cell of its"
+    assert capsys.readouterr().err.startswith(problem)
+    assert not Path("set.txt").exists()

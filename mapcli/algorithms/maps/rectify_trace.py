@@ -20,6 +20,7 @@ from mapcli.algorithms.maps.wall_segments import (
     DIAGONAL,
     QUARTER,
     WallSegment,
+    bend_of,
     corner_point,
     straight_segments,
     turn_between,
@@ -84,7 +85,7 @@ def rectify_trace(poses: Floats, parameters: RectifyParameters | None = None) ->
     lengths = _close_loop(measured, quarters, square) if loop else measured
     theta = _first_direction(poses, groups[0][0])
     walls = tuple(
-        Wall(q, m, length, turn_between(g[0], g[-1]), corner)
+        Wall(q, m, length, bend_of(poses, g, p.tolerance), corner)
         for q, m, length, g, corner in zip(
             quarters, measured, lengths, groups, [*corners, None], strict=True
         )

@@ -119,6 +119,26 @@ def _cuts_corner(around: Sequence[WallSegment], shortest: float) -> bool:
     return turns[0] * turns[1] > 0 and all(low <= abs(turn) <= high for turn in turns)
 
 
+def bend_of(poses: Floats, wall: Sequence[WallSegment], tolerance: float) -> float:
+    """Radians by which the way along a wall turns from its beginning to its end.
+
+    A parabola is fitted to the way, by least squares; to an arc of 15 degrees it is right within
+    a hundredth, to one of 60 within a tenth. What is near the ends may lie round a corner already.
+    """
+    start, end = wall[0].start, wall[-1].end
+    chord = math.atan2(*(end - start)[::-1])
+    part = poses[wall[0].first : wall[-1].last + 1, :2]
+    from_ends = np.minimum(np.hypot(*(part - start).T), np.hypot(*(part - end).T))
+    inner = part[from_ends > 2 * tolerance] - start
+    unit = np.array([math.cos(chord), math.sin(chord)])
+    along, across = inner @ unit, inner @ np.array([-unit[1], unit[0]])
+    if len(inner) < 3 or np.ptp(along) == 0:
+        return turn_between(wall[0], wall[-1])
+    slope = np.polynomial.Polynomial.fit(along, across, 2).deriv()
+    first, last = np.arctan(slope(np.array([0.0, math.dist(start, end)])))
+    return float(last - first)
+
+
 def turn_between(a: WallSegment, b: WallSegment) -> float:
     """Radians from one segment to another, the shorter way round."""
     return (b.angle - a.angle + math.pi) % math.tau - math.pi

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import Enum
 from pathlib import PurePath
 from typing import NamedTuple
@@ -11,6 +12,9 @@ import numpy as np
 from mapcli.formats.maps.save import SaveOptions, as_written, format_of
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
+
+ROUNDING = 1e-6
+"""Of probabilities in single precision."""
 
 
 class LossKind(Enum):
@@ -40,7 +44,8 @@ def losses(
     """
     options = options or SaveOptions()
     written = as_written(grid, path, options)
-    changed = to_unknown = to_known = 0
+    half = math.inf if options.digits is None else 0.5 * 10.0**-options.digits
+    changed = beyond = to_unknown = to_known = 0
     largest, value = 0.0, 0.0
     for before, counts in grid.tally():
         after = written(before)
@@ -48,6 +53,7 @@ def losses(
         used = counts > 0
         changes = np.where(known & stays & used, np.abs(after - before), 0)
         changed += int(counts[changes > 0].sum())
+        beyond += int(counts[changes > half + ROUNDING].sum())
         largest = max(largest, float(changes.max(initial=0)))
         to_unknown += int(counts[known & ~stays].sum())
         invented = ~known & stays & used
@@ -56,7 +62,10 @@ def losses(
     found = []
     if changed:
         cells = counted(changed, "cells whose probability changes")
-        found.append(MapLoss(LossKind.PROBABILITY, f"{cells}, by up to {largest:.2g}"))
+        text = f"{cells}, by up to {largest:.2g}"
+        if options.digits is not None:
+            text += f"; {beyond:,} by more than half a digit ({half:g})"
+        found.append(MapLoss(LossKind.PROBABILITY, text))
     if to_unknown:
         text = counted(to_unknown, "cells known before and unknown now")
         found.append(MapLoss(LossKind.KNOWN_TO_UNKNOWN, text))

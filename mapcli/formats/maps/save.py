@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mapcli.errors import DataError, OutputError
 from mapcli.formats.maps.dialects import Dialect, greys_of_percents, percents_of_greys
 from mapcli.formats.maps.map_image import GreyImage, GreyRule, Mode, trinary_greys
-from mapcli.formats.maps.text import write_characters, write_numbers
+from mapcli.formats.maps.text import rounded, write_characters, write_numbers
 from mapcli.formats.output import output_file, write_files
 from mapcli.model.grid import PROBABILITIES, GridMap
 
@@ -52,6 +52,7 @@ class SaveOptions:
         negate: dark is open and light is obstacle.
         format: overrides the suffix.
         characters: text as `#`, `.`, `?` instead of numbers.
+        digits: after the point, of text as numbers; None writes what reads back as the same.
         inline: YAML with the cells inside instead of an image beside it.
         plain: PGM as numbers (P2).
         bits: 8 or 16, of a PGM.
@@ -67,6 +68,7 @@ class SaveOptions:
     negate: bool = False
     format: Format | None = None
     characters: bool = False
+    digits: int | None = None
     inline: bool = False
     plain: bool = False
     bits: Literal[8, 16] = 8
@@ -211,7 +213,8 @@ def as_written(
         return lambda cells: _three_states(cells, free, occupied)
     inline = kind == "yaml" and (options.inline or PurePath(path).name == "-")
     if kind == "txt" or inline:
-        return lambda cells: cells
+        digits = options.digits if kind == "txt" else None
+        return lambda cells: rounded(cells, digits)
     read = PROBABILITIES[percents_of_greys(options.rule, options.dialect)]
     clear = options.mode == "scale" and options.image_kind(kind) == "png"
 
@@ -230,7 +233,7 @@ def _three_states(cells: NDArray[np.float32], free: float, occupied: float) -> N
 def _text(grid: GridMap, options: SaveOptions) -> Iterator[bytes]:
     if options.characters:
         return write_characters(grid, *options.thresholds)
-    return write_numbers(grid)
+    return write_numbers(grid, options.digits)
 
 
 def _greys(cells: NDArray[np.float32], options: SaveOptions) -> NDArray[np.uint8]:
