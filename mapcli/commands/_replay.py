@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Container, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -13,11 +13,16 @@ from mapcli.algorithms.slam.slam import Slam
 from mapcli.algorithms.slam.verdict import verdict_of
 from mapcli.commands._log_options import LogInput
 from mapcli.commands._output import progress, progress_of_steps
-from mapcli.commands._say import say
+from mapcli.commands._say import say, warn
 from mapcli.errors import DataError
 from mapcli.formats.logs.open_log import Log
 from mapcli.model.counting import counted
 from mapcli.model.pose import Pose2D
+from mapcli.model.reason import DESCRIPTIONS, Reason, ReasonKind
+from mapcli.model.scan import RangeScan, Record
+
+FIRST_SCANS, FIRST_RECORDS = 40, 10_000
+"""So much is read before anything is mapped, for its units: a map in wrong ones takes long."""
 
 
 def replay_log(
@@ -29,8 +34,9 @@ def replay_log(
         DataError: not one scan in the part asked for; KeyboardInterrupt: none before Ctrl-C.
     """
     run, started = ReplayRun(slam, keep), time.perf_counter()
+    warned: set[ReasonKind] = set()
     try:
-        steps = run.track(log_input.records(log))
+        steps = run.track(_with_known_units(log, log_input, warned))
         for _ in progress(steps, log.name, log.scan_count, quiet=quiet):
             pass
         if not run.poses:
@@ -47,10 +53,35 @@ def replay_log(
     replayed = run.result(log.damage)
     summary = replayed.summary
     told = log_reasons(log.units, run.mount.finding(), summary.duration_s)
+    _warn(log, told, warned)
     reasons = (*told, *summary.reasons)
     seconds = time.perf_counter() - started
     summary = replace(summary, verdict=verdict_of(reasons), reasons=reasons, seconds=seconds)
     return replace(replayed, summary=summary), run
+
+
+def _with_known_units(log: Log, log_input: LogInput, warned: set[ReasonKind]) -> Iterator[Record]:
+    """The records of a log, after a warning if the first scans have other units than they should.
+
+    Args:
+        warned: of what; is added to.
+    """
+    records, first, scans = log_input.records(log), list[Record](), 0
+    for record in records:
+        first.append(record)
+        scans += isinstance(record, RangeScan)
+        if scans == FIRST_SCANS or len(first) == FIRST_RECORDS:
+            break
+    _warn(log, log_reasons(log.units, None, 0.0), warned)
+    yield from first
+    yield from records
+
+
+def _warn(log: Log, told: tuple[Reason, ...], warned: set[ReasonKind]) -> None:
+    """Warn of what a log is described wrongly in, once."""
+    new = [one for one in told if one.kind in DESCRIPTIONS - warned]
+    warn(log.name, [one.line() for one in new])
+    warned.update(one.kind for one in new)
 
 
 def _stop(run: ReplayRun, stopped: KeyboardInterrupt) -> None:

@@ -42,13 +42,12 @@ from mapcli.commands._replay_perceptions import (
     perception_contents,
     perception_files,
 )
-from mapcli.commands._say import say, warn
+from mapcli.commands._say import say
 from mapcli.errors import DataError
 from mapcli.formats.input import DigestingReader
 from mapcli.formats.maps.load import LoadedMap
 from mapcli.model.limit import Limit
 from mapcli.model.pose import Pose2D
-from mapcli.model.reason import DESCRIPTIONS
 from mapcli.model.summary import LIMIT_FIELDS
 
 MAP, MATCH, PERCEPTION = MapParameters(), MatchParameters(), PerceptionParameters()
@@ -162,7 +161,6 @@ def command(
     if model["similarity"] and parameters.match.search != "book" and not quiet:
         say("Note: --similarity is for --search book and changes nothing.")
     say_notes(log, verbose=verbose, quiet=quiet)
-    warn(log.name, [one.line() for one in summary.reasons if one.kind in DESCRIPTIONS])
     if not quiet:
         report(summary, replayed.map, outputs)
     if run.stopped_by is not None:

@@ -190,14 +190,16 @@ class UnitCounts:
 
     Attributes:
         scans: all; sampled: of these were looked at.
-        too_far: sampled scans with readings that no laser makes, in metres; middle: the middle
-            reading of the last of them.
+        too_far: sampled scans with readings that no laser makes, in metres; millimetres: of these,
+            those that are rather millimetres than centimetres; middle: the middle reading of the
+            last of them.
         turning: sampled scans with angles beyond full turns, in radians; turns: of the last one.
     """
 
     scans: int = 0
     sampled: int = 0
     too_far: int = 0
+    millimetres: int = 0
     middle: float = 0.0
     turning: int = 0
     turns: float = 0.0

@@ -15,6 +15,7 @@ ReasonKind = Literal[
     "laser_turned",
     "range_unit",
     "angle_unit",
+    "odometry_wrong",
     "known_map",
     "walls_twice",
     "torn",
@@ -25,12 +26,13 @@ ReasonKind = Literal[
 ]
 """`laser_mirrored`: scans turn the other way than the wheels; `laser_turned`: the laser looks
 elsewhere than the log says, backwards above all; `range_unit`, `angle_unit`: readings are no
-metres, angles are no radians; `known_map`: the map that was gone on from is of another place, or
-the robot started elsewhere in it; `walls_twice`: places passed twice do not meet; `torn`: scans
-that those taken just before and after contradict; `unjoined`: the robot was lost or carried, and
-came to no place that it knew since; `odometry_alone`: no scan fitted the map; `sliding`: scans did
-not tell how far the robot had come, along corridors above all; `unconfirmed`: a long way of which
-nothing was seen on another visit."""
+metres, angles are no radians; `odometry_wrong`: odometry is no metres or no radians, or turns the
+other way, throughout; `known_map`: the map that was gone on from is of another place, or the robot
+started elsewhere in it; `walls_twice`: places passed twice do not meet; `torn`: scans that those
+taken just before and after contradict; `unjoined`: the robot was lost or carried, and came to no
+place that it knew since; `odometry_alone`: no scan fitted the map; `sliding`: scans did not tell
+how far the robot had come, along corridors above all; `unconfirmed`: a long way of which nothing
+was seen on another visit."""
 
 DESCRIPTIONS = frozenset[ReasonKind](("laser_mirrored", "laser_turned", "range_unit", "angle_unit"))
 """Those that are faults of how the log is described, and are mended by an option."""

@@ -16,6 +16,7 @@ from conftest import SHARED, run
 from support.replaying import APARTMENT, replay, write_log
 
 from mapcli import open_log
+from mapcli.algorithms.slam.slam import Slam
 from mapcli.model.reason import DESCRIPTIONS
 from mapcli.model.scan import RangeScan
 
@@ -26,6 +27,10 @@ RECORDS = list(open_log(APARTMENT).records())
 
 def in_millimetres(scan: RangeScan) -> RangeScan:
     return replace(scan, ranges=scan.ranges * np.float32(1000), range_min=100.0, range_max=12000.0)
+
+
+def in_centimetres(scan: RangeScan) -> RangeScan:
+    return replace(scan, ranges=scan.ranges * np.float32(100), range_min=10.0, range_max=1200.0)
 
 
 def in_degrees(scan: RangeScan) -> RangeScan:
@@ -52,6 +57,11 @@ WRONG: dict[str, tuple[Change, str, str]] = {
         in_millimetres,
         "readings of 1,057 m in the middle: they look like millimetres",
         "--range-unit mm",
+    ),
+    "range_unit, cm": (
+        in_centimetres,
+        "readings of 106 m in the middle: they look like centimetres",
+        "--range-unit cm",
     ),
     "angle_unit": (
         in_degrees,
@@ -87,7 +97,7 @@ QUICK = "--search", "none", "--json", "t.json"
 @pytest.mark.parametrize("kind", WRONG)
 def test_it_is_said_by_both_commands(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
     log, (_, text, remedy) = wrong_log(kind), WRONG[kind]
-    reason = {"kind": kind, "from_s": 0.0, "to_s": 101.6, "text": text, "try": remedy}
+    reason = {"kind": kind.split(",")[0], "from_s": 0.0, "to_s": 101.6, "text": text, "try": remedy}
     assert run("info", log, "--json", "i.json") == 0
     assert f"  warning     {text}; try {remedy}" in capsys.readouterr().out.splitlines()
     assert json.loads(Path("i.json").read_text())["reasons"] == [reason]
@@ -95,6 +105,21 @@ def test_it_is_said_by_both_commands(kind: str, capsys: pytest.CaptureFixture[st
     assert capsys.readouterr().err == f"Warning: wrong.mcap: {text}; try {remedy}\n"
     assert described() == [reason]
     assert summary()["verdict"] == "bad"
+
+
+@pytest.mark.parametrize("kind", ["range_unit", "angle_unit"])
+def test_units_are_told_before_anything_is_mapped(
+    kind: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = wrong_log(kind)
+
+    def stopped(*args: object) -> None:
+        assert capsys.readouterr().err == f"Warning: wrong.mcap: {'; try '.join(WRONG[kind][1:])}\n"
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Slam, "step", stopped)
+    replay("-q", log, "--json", "t.json")
+    assert "Warning" not in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -28,8 +28,10 @@ def _units(units: UnitCounts, duration_s: float) -> Iterator[Reason]:
         text = f"a scan's angles make {units.turns:,.0f} full turns: they look like degrees"
         yield Reason("angle_unit", 0.0, duration_s, text, "--angle-unit deg")
     if 2 * units.too_far > units.sampled:
-        text = f"readings of {units.middle:,.0f} m in the middle: they look like millimetres"
-        yield Reason("range_unit", 0.0, duration_s, text, "--range-unit mm")
+        is_mm = 2 * units.millimetres > units.too_far
+        name, unit = ("millimetres", "mm") if is_mm else ("centimetres", "cm")
+        text = f"readings of {units.middle:,.0f} m in the middle: they look like {name}"
+        yield Reason("range_unit", 0.0, duration_s, text, f"--range-unit {unit}")
 
 
 def _mount(found: MountFinding | None, duration_s: float) -> Iterator[Reason]:

@@ -13,6 +13,7 @@ from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.slam.back_end import BackEndResult
 from mapcli.algorithms.slam.contradictions import ScanSample, compare_scans
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
+from mapcli.algorithms.slam.odometry_check import odometry_reasons
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.algorithms.slam.sweep_search import SweepSearch
 from mapcli.algorithms.slam.verdict import map_reasons, verdict_of
@@ -201,7 +202,10 @@ class ReplayRun:
         poses = [traced.pose for traced in trace.poses]
         sampled = [one for one in self._sample.scans if one.scan < len(poses)]
         duration_s = (self.poses[-1].stamp_ns - self.poses[0].stamp_ns) / NANOSECONDS
+        # A laser that is mirrored or turned, and wheels that are, look the same.
+        is_mounted_so = self.mount.finding() is None
         return (
+            *(odometry_reasons(trace.poses, duration_s) if is_mounted_so else ()),
             *self.slam.known_map_fit.reasons(duration_s),
             *map_reasons(
                 trace.poses,

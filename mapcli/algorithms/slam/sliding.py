@@ -76,9 +76,10 @@ def odometry_error(poses: Sequence[TracedPose], metres: Sequence[float]) -> floa
 
 
 def error_over(way: float, error_m: float) -> float:
-    """What odometry that errs by so much over `STRETCH_M` errs by over a way, metres."""
+    """What odometry that errs by so much over `STRETCH_M` errs by over a way, metres: not more
+    than all of it."""
     share = way / STRETCH_M
-    return error_m * min(share, math.sqrt(share))
+    return min(way, error_m * min(share, math.sqrt(share)))
 
 
 def _displacements(

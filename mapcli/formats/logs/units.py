@@ -25,7 +25,11 @@ SAMPLED = 16
 """Every so many scans are looked at; a unit does not change within a log."""
 
 MIDDLE_M = 100.0
-"""The middle reading of no scan is so far: in millimetres that is less than a robot's own width."""
+"""The middle reading of no scan is so far: in centimetres that is a metre."""
+
+LEAST_MILLIMETRES = 600.0
+"""The middle reading of scans is 0.6 to 6 m as a rule: less than this in centimetres, and more in
+millimetres."""
 
 LEAST_READINGS = 10
 """Different readings that a scan must have: codes for no return are few."""
@@ -75,4 +79,5 @@ def count_units(ranges: NDArray[np.float32], angle_increment: float, counts: Uni
     readings = np.unique(ranges[np.isfinite(ranges) & (ranges > 0)])
     if len(readings) >= LEAST_READINGS and (middle := float(np.median(readings))) > MIDDLE_M:
         counts.too_far += 1
+        counts.millimetres += middle >= LEAST_MILLIMETRES
         counts.middle = middle

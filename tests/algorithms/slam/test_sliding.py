@@ -66,3 +66,4 @@ def test_errors_add_up_as_their_squares() -> None:
     assert error_over(0.0, 1.0) == 0
     assert error_over(1.0, 1.0) == pytest.approx(0.2)
     assert error_over(20.0, 1.0) == pytest.approx(2.0)
+    assert error_over(4.0, 7000.0) == 4.0  # millimetres

@@ -72,6 +72,7 @@ def test_carmen(tmp_path: Path, factor: float) -> None:
     log = open_log(file)
     list(log.records())
     assert log.units.too_far == log.units.sampled == 3
+    assert log.units.millimetres == (3 if factor == 1000 else 0)
 
 
 @pytest.mark.parametrize(
