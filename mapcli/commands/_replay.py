@@ -53,8 +53,8 @@ def replay_log(
     replayed = run.result(log.damage)
     summary = replayed.summary
     told = log_reasons(log.units, run.mount.finding(), summary.duration_s)
-    _warn(log, told, warned)
     reasons = (*told, *summary.reasons)
+    _warn(log, reasons, warned)
     seconds = time.perf_counter() - started
     summary = replace(summary, verdict=verdict_of(reasons), reasons=reasons, seconds=seconds)
     return replace(replayed, summary=summary), run
