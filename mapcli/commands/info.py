@@ -1,4 +1,4 @@
-"""`mapcli info`: what is in a map or a log."""
+"""`mapcli info`: what is in a map, a log, a trace, or another file."""
 
 from __future__ import annotations
 
@@ -11,14 +11,13 @@ from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import FILE, POINT, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say_lines
-from mapcli.formats.input import reopenable, standard_input
+from mapcli.formats.file_kind import FileKind, Role, kind_at
 from mapcli.formats.output import write_bytes
 
 LOG_SUFFIXES = (".mcap", ".log", ".clf", ".gz", ".bag", ".db3")
-LOG_STARTS = (b"\x89MCAP", b"\x1f\x8b", b"#ROSBAG", b"SQLite format 3")
 
 
-@click.command(short_help="Say what is in a map or a log.")
+@click.command(short_help="Say what is in a map, a log, a trace or another file.")
 @click.argument("files", metavar="FILE...", type=FILE, nargs=-1, required=True)
 @click.option(
     "--json", "json_file", metavar="F", type=FILE, help="Write it as JSON; - is standard output."
@@ -31,15 +30,18 @@ def command(
     files: tuple[str, ...], json_file: str | None, at: tuple[tuple[float, float], ...],
     dialect: Any, no_clobber: bool, quiet: bool, verbose: bool,
 ) -> None:  # fmt: skip
-    """Say what is in a map (size, place, cells, warnings; polygons) or a log (topics, times,
-    check-up).
+    """Say what is in a map (size, place, cells, warnings; polygons), a log (topics, times,
+    check-up), a trace of any format (poses, length, verdict), or another file that mapcli reads
+    or writes: a perception, waypoints, relations, a document, a picture.
 
-    Of several files, JSON is a list with one document for each.
+    The content tells what a file is, not its name. Of several files, JSON is a list with one
+    document for each.
 
     \b
     Examples:
       mapcli info map.yaml
       mapcli info robot.mcap
+      mapcli info apartment-slam/trace.json
       mapcli info fixtures/fig9_1.yaml --at 5.5,6
       mapcli info map.yaml --json - | jq .cells
     """
@@ -61,53 +63,36 @@ def _report(
     file: str, dialect: Any, at: tuple[tuple[float, float], ...], *, verbose: bool
 ) -> tuple[list[str], dict[str, Any]]:
     """What to print about a file, and the same as a document."""
-    if _is_log(file):
-        if at:
-            raise click.UsageError(f"--at is for maps, and {file} is a log.")
+    kind = _kind(file)
+    role = kind.role if kind else Role.MAP
+    if at and role not in (Role.MAP, Role.WORLD):
+        raise click.UsageError(f"--at is for maps, and {file} is {kind.name if kind else 'none'}.")
+    if role is Role.LOG:
         from mapcli.commands._log_report import log_report
 
         return log_report(file, verbose=verbose)
-    if _is_continuous(file):
+    if role is Role.TRACE:
+        from mapcli.commands._trace_report import trace_report
+
+        return trace_report(file)
+    if role is Role.WORLD:
         from mapcli.commands._world_report import world_report
 
         if report := world_report(file, at):
             return report
+    if kind is not None and role not in (Role.MAP, Role.WORLD):
+        from mapcli.commands._file_report import file_report
+
+        return file_report(file, kind)
     from mapcli.commands._map_report import map_report
 
     return map_report(file, dialect, at)
 
 
-def _is_continuous(file: str) -> bool:
-    """Whether a map is polygons and points, not cells."""
-    if Path(file).suffix.lower() in (".txt", ".pgm", ".png"):
-        return False
-    from mapcli.commands._world_report import looks_continuous
-
-    return looks_continuous(_first_bytes(file))
-
-
-def _is_log(file: str) -> bool:
-    """By suffix; standard input and other names by their first bytes. A folder is a bag."""
-    suffix = Path(file).suffix.lower()
-    if suffix in LOG_SUFFIXES or (file != "-" and Path(file).is_dir()):
-        return True
-    if suffix in (".txt", ".yaml", ".yml", ".pgm", ".png"):
-        return False
-    start = _first_bytes(file)
-    if start.startswith(LOG_STARTS):
-        return True
-    from mapcli.formats.logs.carmen_lines import looks_like_carmen
-
-    return looks_like_carmen(start)
-
-
-def _first_bytes(file: str) -> bytes:
-    if file == "-":
-        # Looked at, not taken: the reader that is chosen reads from the first byte on.
-        return standard_input().peek(1)
-    try:
-        source = reopenable(Path(file))
-        with source.path.open("rb") as opened:
-            return opened.read(1 << 16)
-    except OSError:
-        return b""  # the map reader says what is wrong
+def _kind(file: str) -> FileKind | None:
+    """By the content; what has none that is known, by its suffix. A folder is a bag."""
+    kind = kind_at(file)
+    is_folder = file != "-" and Path(file).is_dir()
+    if kind is None and (Path(file).suffix.lower() in LOG_SUFFIXES or is_folder):
+        return FileKind("a log", Role.LOG)
+    return kind

@@ -31,7 +31,7 @@ class Role(Enum):
     PERCEPTION = "compare it with a map with mapcli similarity-table"
     WAYPOINTS = "have a robot drive along it with mapcli simulate --path"
     DOCUMENT = "see what is in it with mapcli info"
-    PICTURE = "see what is in it with mapcli info; as a map, it must be PNG or PGM"
+    PICTURE = "mapcli reads PNG and PGM, as maps"
     ARCHIVE = "unpack it first"
     OTHER = "mapcli does not read it"
 
@@ -75,6 +75,11 @@ MAGIC = (
                                           "fetch the file itself with git lfs pull")),
 )  # fmt: skip
 """First bytes -> what they are the first bytes of."""
+
+PICTURE_MARK = "mapcli, a picture"
+"""In the PNG files of pictures that mapcli draws: as maps they would be misread."""
+
+DRAWN = FileKind("a picture that mapcli drew", Role.PICTURE, "name the map that it was drawn of")
 
 TAR_AT = 257
 """Where a tar archive says `ustar`."""
@@ -143,6 +148,8 @@ def kind_of(start: bytes, name: str = "") -> FileKind | None:
     """
     if packing := packing_of(start):
         return _packed(packing.name, kind_of(unpacked_start(start), Path(name).stem))
+    if start.startswith(b"\x89PNG") and PICTURE_MARK.encode() in start:
+        return DRAWN
     for magic, kind in MAGIC:
         if start.startswith(magic):
             return kind

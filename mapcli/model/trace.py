@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from mapcli.model.se2_uncertainty import InformationTriangle
 from mapcli.model.trajectory import Trajectory
 
 Status = Literal["first", "matched", "odometry"]
+STATUSES: dict[str, Status] = {word: word for word in get_args(Status)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,9 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw, ImageFont, PngImagePlugin
+
+from mapcli.formats.file_kind import PICTURE_MARK
 
 Colour = tuple[int, int, int]
 
@@ -59,9 +61,10 @@ def time_colour(fraction: float) -> Colour:
 
 
 def png_bytes(image: Image.Image) -> bytes:
-    """A PNG file of a picture."""
-    out = io.BytesIO()
-    image.save(out, format="PNG", compress_level=6)
+    """A PNG file of a picture, with a mark by which it is not taken for a map."""
+    out, mark = io.BytesIO(), PngImagePlugin.PngInfo()
+    mark.add_text("Software", PICTURE_MARK)
+    image.save(out, format="PNG", compress_level=6, pnginfo=mark)
     return out.getvalue()
 
 

@@ -33,7 +33,7 @@ def names() -> set[str]:
 
 
 def feed(monkeypatch: pytest.MonkeyPatch, data: bytes) -> None:
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BufferedReader(io.BytesIO(data))))
 
 
 def test_text_to_pair_says_what_is_lost(capsys: pytest.CaptureFixture[str]) -> None:

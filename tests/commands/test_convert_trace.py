@@ -118,7 +118,7 @@ def test_standard_output(capsys: Capture) -> None:
     [
         (("trace.json", "x.tum", "--mode", "scale"), 2, "--mode is for maps, and OUT is a trace."),
         (("trace.json", "x.yaml", "--topic", "/a"), 2, "--topic is for traces, and OUT is a map."),
-        (("trace.json", "x.tum", "--topic", "/a"), 1, "trace.json: has no topic /a; expected an"),
+        (("trace.json", "x.tum", "--topic", "/a"), 1, "trace.json: has no topic /a; expected a"),
         (("trace.json", "x.yaml"), 1, "trace.json: is a pose trace; draw it with mapcli render"),
         (("bad.g2o", "x.tum"), 1, "bad.g2o: line 2: there is no vertex 7"),
         (("bad.json", "x.tum"), 1, "bad.json: loops: has a value of another kind; expected a list"),

@@ -107,7 +107,10 @@ def test_bad_usage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("rasterize", str(FIGURE), "-", "--min-cover", "0") == 2
     assert run("vectorize", str(FIGURE), "-", "--tolerance", "0") == 2
     assert run("vectorize", str(FIGURE), "-") == 1
-    assert "`mapcli rasterize` turns polygons into one" in capsys.readouterr().err
+    assert (
+        "is a continuous map; make a grid map of it with mapcli rasterize"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_map_without_obstacles(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

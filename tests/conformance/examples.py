@@ -58,6 +58,7 @@ EXAMPLES = {
     "info": (
         "<image.yaml <world.yaml <log.mcap --json >r.json",
         "<carmen.log",
+        "<trace.json <truth.tum <scan.yaml <path.txt --json >r.json",
     ),
     "render": ("<room.txt --png >p.png", "<image.yaml --trace <trace.json --png >p.png"),
     "rasterize": ("<world.yaml >o.txt --json >r.json",),

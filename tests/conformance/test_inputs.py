@@ -86,7 +86,10 @@ def test_a_bad_file_is_one_error(
     usual(example)  # what is imported late could not be, later, as another user
     BAD[kind](Path(slot.name))
     ran = sandbox.run(*example.arguments(), as_nobody=kind == "unreadable")
-    ran.is_one_error(slot.name)
+    if kind == "wrong_format" and example.command == "info":  # no format is wrong for it
+        ran.is_fine()
+    else:
+        ran.is_one_error(slot.name)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.9])

@@ -15,7 +15,7 @@ DRAFT = "https://json-schema.org/draft/2020-12/schema"
 
 DOCUMENTS = (
     "pose-trace", "exploration-trace", "similarity-table", "evaluation", "log-info", "map-info",
-    "map-comparison", "map-transform", "rasterize", "mowing",
+    "trace-info", "file-info", "map-comparison", "map-transform", "rasterize", "mowing",
 )  # fmt: skip
 """What commands write; `format` in the document is `mapcli.` and the name."""
 

@@ -94,16 +94,21 @@ class LoadedTrace:
 
     def has(self) -> set[str]:
         """What it has beside the poses, in the words of `HELD`."""
-        poses, summary = self.trace.poses, self.content.get("summary")
+        poses = self.trace.poses
         found = {
             "times": self.has_times,
             "odometry": any(pose.odom for pose in poses),
             "scores": any(pose.score is not None for pose in poses),
             "statuses": any(pose.status for pose in poses),
             "loops": bool(self.trace.loops),
-            "summary": isinstance(summary, dict) and "converted_from" not in summary,
+            "summary": self.has_summary(),
         }
         return {name for name, is_there in found.items() if is_there}
+
+    def has_summary(self) -> bool:
+        """Whether the command that made it says how that went."""
+        summary = self.content.get("summary")
+        return isinstance(summary, dict) and "converted_from" not in summary
 
     def lost_in(self, suffix: str) -> list[str]:
         """What of it the format of a suffix cannot hold."""

@@ -16,7 +16,7 @@ from mapcli.formats.documents.json_document import document, json_bytes, read_do
 from mapcli.formats.input import sha256_of
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import FARTHEST_M, Pose2D
-from mapcli.model.trace import Loop, PoseTrace, TracedPose
+from mapcli.model.trace import STATUSES, Loop, PoseTrace, TracedPose
 from mapcli.model.trajectory import Trajectory
 
 POSE_TRACE = "mapcli.pose-trace"
@@ -129,7 +129,7 @@ def trace_of(content: Mapping[str, Any], file: str) -> PoseTrace:
                     _pose_of(pose),
                     _pose_of(odom) if odom else None,
                     None if score is None else float(score),
-                    pose.get("status"),
+                    STATUSES.get(str(pose.get("status"))),
                 )
             )
     with _told(file, "loops", "a list of loops"):

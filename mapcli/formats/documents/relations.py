@@ -36,10 +36,11 @@ def load_relations(path: str | Path) -> Relations:
     """
     wanted = "a file of relations"
     with expecting(path, wanted, Role.RELATIONS):
-        return _read(read_file(Path(path), wanted), str(path))
+        return read_relations(read_file(Path(path), wanted), str(path))
 
 
-def _read(data: bytes, path: str) -> Relations:
+def read_relations(data: bytes, path: str) -> Relations:
+    """Relations from their bytes; see `load_relations`."""
     data = unpacked(data, path)
     starts, ends, poses = [], [], []
     for line, words in rows_of_words(data):

@@ -7,15 +7,12 @@ in seconds, or neither; `x`, `y`, `theta`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import get_args
 
 from mapcli.errors import FormatError
 from mapcli.formats.documents.text_columns import Row, Words, finite, pose_text, stamp_ns
-from mapcli.model.trace import PoseTrace, Status
+from mapcli.model.trace import STATUSES, PoseTrace
 
 CSV_HEAD = "stamp_ns,x,y,theta,odom_x,odom_y,odom_theta,score,status"
-
-STATUSES: dict[str, Status] = {word: word for word in get_args(Status)}
 
 
 def csv_lines(trace: PoseTrace) -> Iterator[str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from mapcli.errors import FormatError
-from mapcli.formats.file_kind import kind_of
+from mapcli.formats.file_kind import kind_at, kind_of
 from mapcli.formats.input import (
     MCAP_MAGIC,
     SNIFFED_BYTES,
@@ -132,7 +132,9 @@ def _parts_of_bag(folder: str) -> list[Path]:
     bag = Path(folder)
     parts = named_files(bag) or sorted(filter(_is_part, bag.iterdir()), key=_natural)
     if not parts:
-        raise FormatError("is a folder without a bag's files", file=folder, expected=EXPECTED)
+        kind = kind_at(folder)
+        what = f"is {kind}" if kind else "is a folder without a bag's files"
+        raise FormatError(what, file=folder, expected=EXPECTED)
     return parts
 
 

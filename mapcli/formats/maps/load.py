@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapcli.errors import FormatError
-from mapcli.formats.file_kind import Role, expecting
-from mapcli.formats.input import ReadBytes, read_file
+from mapcli.formats.file_kind import DRAWN, Role, expecting, kind_of
+from mapcli.formats.input import SNIFFED_BYTES, ReadBytes, read_file
 from mapcli.formats.maps.dialects import Dialect
 from mapcli.formats.maps.image_cells import cells_of_image
 from mapcli.formats.maps.map_image import GreyRule, MapImage
@@ -96,6 +96,8 @@ class _Reading:
 
 def _load(path: Path, form: Format | None, reading: _Reading) -> LoadedMap:
     data = reading.read(path)
+    if data.startswith(b"\x89PNG") and kind_of(data[:SNIFFED_BYTES]) is DRAWN:
+        raise FormatError("is no map", file=path)  # though it could be read as one
     if data[:1000].isspace() or not data:
         data = data if data.strip() else b""
     if not data:
