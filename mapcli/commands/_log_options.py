@@ -9,41 +9,17 @@ from typing import Any, TypeVar
 
 import click
 
-from mapcli.commands._options import NOT_NEGATIVE, POSE
+from mapcli.commands._mount_types import LaserPoseType, SensorType
+from mapcli.commands._options import FILE, NOT_NEGATIVE
 from mapcli.commands._say import say, warn
+from mapcli.formats.logs.csv.sensors_file import existing_sensors_file
 from mapcli.formats.logs.open_log import Log, open_log
 from mapcli.model.log import ALL_TOPICS, LogOptions
-from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Mount, Record
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 DEFAULTS = LogOptions()
-
-FARTHEST_LASER = 100.0
-"""Metres; a laser farther from its robot is a mistake, such as millimetres."""
-
-
-class LaserPoseType(click.ParamType[Any]):
-    """`X,Y,YAW_DEG[,flip]` on the command line, a `Mount` inside."""
-
-    name = "X,Y,YAW_DEG[,flip]"
-
-    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
-        return self.name
-
-    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
-        if isinstance(value, Mount):
-            return value
-        numbers, comma, last = str(value).rpartition(",")
-        flipped = comma and last.strip() == "flip"
-        try:
-            mount = Mount(POSE.convert(numbers if flipped else value, param, ctx), bool(flipped))
-        except click.BadParameter:
-            self.fail(f"{value!r} is not of the form {self.name}.", param, ctx)
-        if mount.pose.distance(Pose2D()) > FARTHEST_LASER:
-            self.fail(f"{value!r} is more than {FARTHEST_LASER:g} m off the robot.", param, ctx)
-        return mount
 
 
 @dataclass(frozen=True)
@@ -63,6 +39,11 @@ class LogInput:
     def open(self, paths: Sequence[str]) -> Log:
         """Open the recording. Raises what `open_log` raises."""
         return open_log(paths, self.options)
+
+    def inputs(self, paths: Sequence[str]) -> list[str]:
+        """The files that are read for a recording, which no output may replace."""
+        beside = [self.options.sensors_file or existing_sensors_file(path) for path in paths]
+        return [*paths, *filter(None, dict.fromkeys(beside))]
 
     def records(self, log: Log) -> Iterator[Record]:
         """The records asked for; `log.damage` accounts for the scans among them."""
@@ -91,6 +72,22 @@ OPTIONS = (
         type=LaserPoseType(),
         help="Where the laser sits on the robot, in metres and degrees, instead of what the log "
         "says; `flip` if it hangs upside down.",
+    ),
+    click.option(
+        "--sensor",
+        "sensors",
+        type=SensorType("TOPIC=X,Y,YAW_DEG"),
+        multiple=True,
+        help="Where a range sensor with one beam (sensor_msgs/Range) sits on the robot, in metres "
+        "and degrees, instead of what the log says. Repeatable.",
+    ),
+    click.option(
+        "--sensors",
+        "sensors_file",
+        metavar="F",
+        type=FILE,
+        help="YAML that says where the sensors of a CSV log sit, and in what units.  [default: "
+        "the log's name with .yaml]",
     ),
     click.option(
         "--time-source",
@@ -166,6 +163,8 @@ def log_input_options(command: Command) -> Command:
         scan_topics: tuple[str, ...],
         odom_topic: str | None,
         laser_pose: Mount | None,
+        sensors: tuple[tuple[str, Mount], ...],
+        sensors_file: str | None,
         time_source: Any,
         turn_time: float | None,
         scan_stamp: Any,
@@ -185,6 +184,8 @@ def log_input_options(command: Command) -> Command:
             scan_topics=scan_topics,
             odom_topic=odom_topic,
             laser_pose=laser_pose,
+            sensors=sensors,
+            sensors_file=sensors_file,
             time_source=time_source,
             strict=strict,
             one_recording=one_recording,

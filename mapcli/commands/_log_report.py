@@ -9,11 +9,13 @@ from typing import Any
 
 from mapcli.algorithms.evaluation.log_check import LogCheck, Timing, check_log
 from mapcli.algorithms.evaluation.log_reasons import log_reasons
+from mapcli.commands._sensor_report import sensor_document, sensor_line
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.documents.json_document import document
 from mapcli.formats.logs.open_log import Log, open_log
 from mapcli.model.counting import counted
 from mapcli.model.log import LogOptions, Topic
+from mapcli.model.range_reading import RangeReading
 from mapcli.model.reason import Reason
 from mapcli.model.scan import Mount, RangeScan, Record
 from mapcli.model.sweep_summary import LOOKS_TURNING, beams_text
@@ -63,6 +65,7 @@ def describe(log: Log) -> dict[str, Any]:
             "odom_topic": log.odom_topic if used else None,
         },
         "scans": _scans(log, check) if used else None,
+        "sensors": [sensor_document(sensor) for sensor in log.sensors.values() if used],
         "lasers": [{**asdict(mount.pose), "flipped": mount.flipped} for mount in mounts if used],
         "odometry": _odometry(check) if check.odometry.count else None,
         "delays_s": {
@@ -83,7 +86,7 @@ def _reasons(log: Log, check: LogCheck) -> tuple[Reason, ...]:
 
 def _noting_mounts(records: Iterable[Record], mounts: dict[Mount, None]) -> Iterator[Record]:
     for record in records:
-        if isinstance(record, RangeScan):
+        if isinstance(record, RangeScan) and not isinstance(record, RangeReading):
             mounts[record.mount] = None
         yield record
 
@@ -199,17 +202,20 @@ def _lines(content: dict[str, Any], verbose: bool) -> Iterator[str]:
     scans, odometry, uses = content["scans"], content["odometry"], content["uses"]
     if scans:
         yield f"  duration    {content['duration_s']:,.1f} s"
+    names = {name for listed in uses.values() if listed for name in listed.split(", ")}
     topics = [t for t in content["topics"] if verbose or t["role"] != "other"]
     for topic in topics:
         rate = f", {topic['rate_hz']:g} per second" if topic["rate_hz"] else ""
-        used = " <- used" if topic["name"] in uses.values() else ""
+        used = " <- used" if topic["name"] in names else ""
         yield (
             f"  topic       {topic['name']}: {counted(topic['count'], 'messages')}{rate}, "
             f"{topic['type']} ({topic['encoding']}){used}"
         )
     if hidden := len(content["topics"]) - len(topics):
         yield f"              and {counted(hidden, 'topics')} that mapping does not need (-v)"
-    if scans:
+    if content["sensors"]:
+        yield from map(sensor_line, content["sensors"])
+    elif scans:
         yield from _scan_lines(scans)
     for laser in content["lasers"]:
         flipped = ", upside down" if laser["flipped"] else ""

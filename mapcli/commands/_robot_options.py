@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Any, get_args
 
 import click
@@ -10,6 +11,7 @@ import click
 from mapcli.algorithms.simulation.drive import MotionLimits
 from mapcli.algorithms.simulation.sensors import FAULT_KINDS, Fault, LaserModel, WheelModel
 from mapcli.algorithms.simulation.simulate import ROBOT_RADIUS
+from mapcli.commands._mount_types import SensorType
 from mapcli.commands._options import POSE, POSITIVE, Command, Number, NumberList
 from mapcli.errors import DataError
 from mapcli.model.scan import Mount
@@ -105,15 +107,39 @@ _REAR = click.option(
 )  # fmt: skip
 
 
+_SENSOR = click.option(
+    "--sensor", "sensors", type=SensorType("NAME=X,Y,YAW_DEG"), multiple=True,
+    help="A range sensor with one beam, where it sits on the robot, instead of the laser, whose "
+    "rate, limits and noise it has; on the topic /range/NAME, or in the column NAME. Repeatable.",
+)  # fmt: skip
+
+
 def robot_options(command: Command) -> Command:
     """Drive, wheels, lasers, surroundings."""
-    for option in (_REAR, _NO_RETURN, _FAULTS):
+    for option in (_REAR, _SENSOR, _NO_RETURN, _FAULTS):
         command = option(command)
     for flag, default, text, settings in reversed(_OPTIONS):
         command = click.option(flag, default=default, show_default=True, help=text, **settings)(
             command
         )
     return command
+
+
+def sensors_of(given: dict[str, Any], laser: LaserModel) -> dict[str, LaserModel]:
+    """The range sensors, by name.
+
+    Raises:
+        click.UsageError: a name comes twice, or a laser is asked for besides.
+    """
+    sensors = {
+        name: replace(laser, beams=1, fov_deg=1.0, mount=mount, turn_time=0.0)
+        for name, mount in given["sensors"]
+    }
+    if len(sensors) < len(given["sensors"]):
+        raise click.UsageError("--sensor gives two sensors the same name.")
+    if sensors and given["rear_laser_pose"]:
+        raise click.UsageError("--sensor is for robots without a laser: no --rear-laser-pose.")
+    return sensors
 
 
 def robot_of(given: dict[str, Any]) -> tuple[MotionLimits, WheelModel, LaserModel]:

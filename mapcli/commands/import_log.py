@@ -13,6 +13,7 @@ from mapcli.commands._output import check_outputs, progress
 from mapcli.commands._say import say
 from mapcli.errors import DataError
 from mapcli.model.counting import counted
+from mapcli.model.range_reading import RangeReading
 from mapcli.model.scan import Odometry, RangeScan, Record
 
 
@@ -21,6 +22,7 @@ class Tally:
 
     def __init__(self) -> None:
         self.counts: Counter[type[Record]] = Counter()
+        self.sensors: set[str] = set()
         self.first_ns = self.last_ns = 0
 
     def passing(self, records: Iterable[Record], log: str) -> Iterator[Record]:
@@ -32,7 +34,9 @@ class Tally:
         for record in records:
             if not self.counts:
                 self.first_ns = record.stamp_ns
-            self.counts[type(record)] += 1
+            self.counts[RangeScan if isinstance(record, RangeScan) else type(record)] += 1
+            if isinstance(record, RangeReading):
+                self.sensors.add(record.sensor)
             self.last_ns = record.stamp_ns
             yield record
         if not self.counts[RangeScan]:
@@ -40,8 +44,12 @@ class Tally:
 
     def text(self) -> str:
         scans, odometry = self.counts[RangeScan], self.counts[Odometry]
+        seen = counted(scans, "scans")
+        if self.sensors:
+            sensors = counted(len(self.sensors), "sensors")
+            seen = f"{counted(scans, 'readings')} of {sensors}"
         return (
-            f"{counted(scans, 'scans')} and {counted(odometry, 'odometry records')} of "
+            f"{seen} and {counted(odometry, 'odometry records')} of "
             f"{(self.last_ns - self.first_ns) * 1e-9:,.1f} s"
         )
 

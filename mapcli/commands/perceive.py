@@ -117,7 +117,7 @@ def command(
         raise click.UsageError(f"{out}: does not end in {', '.join(SUFFIXES)}.")
     if min(steps) < 0:
         raise click.UsageError("--steps are lengths, so they are not negative.")
-    check_outputs([out], [source], "inputs", no_clobber=no_clobber)
+    check_outputs([out], log_input.inputs([source]), "inputs", no_clobber=no_clobber)
     if at is not None:
         data, said = _from_log(source, at, log_input, out, quiet=quiet, verbose=verbose)
     else:

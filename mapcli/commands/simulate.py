@@ -15,9 +15,10 @@ from mapcli.algorithms.simulation.simulate import START_NS, Simulation
 from mapcli.commands._mowing import mow_lawn, mow_options
 from mapcli.commands._options import FILE, UNIX_TIME, common_options, no_clobber_option
 from mapcli.commands._output import check_outputs, progress
-from mapcli.commands._robot_options import robot_of, robot_options
+from mapcli.commands._robot_options import robot_of, robot_options, sensors_of
 from mapcli.commands._say import say, warn
 from mapcli.errors import DataError
+from mapcli.formats.logs.csv.writer import beside, is_csv, save_csv_log
 from mapcli.model.grid import GridMap
 from mapcli.model.scan import NANOSECONDS, Mount
 from mapcli.model.waypoint import Waypoint
@@ -26,7 +27,7 @@ from mapcli.model.world import World
 
 @click.command()
 @click.argument("world", metavar="WORLD", type=FILE)
-@click.argument("out", metavar="[OUT.mcap]", type=FILE, required=False)
+@click.argument("out", metavar="[OUT.mcap|OUT.csv]", type=FILE, required=False)
 @click.option(
     "--path", metavar="FILE", type=FILE, help="Waypoints to drive along, or a pose trace."
 )
@@ -69,6 +70,10 @@ def command(
     the robot finds its own way and keeps --robot-radius from all that is not known to be open. The
     same input, options and seed give the same bytes.
 
+    With --sensor the robot has range sensors with one beam each instead of the laser, like a ring
+    of sonars. OUT.csv gets their readings with the odometry of the same moment, and OUT.yaml where
+    they sit; true poses are in OUT.mcap only.
+
     With --mow, WORLD is a lawn: one polygon, and a point if the charging station is not where the
     first lane begins. The mower steers by its odometry, and by landmarks that it recognises when
     its floor sensor comes upon them; the report says how far from the station it ends, how
@@ -86,6 +91,8 @@ def command(
           --odom-fault slip-left@40-45 --no-return 51.14,51.15 wheels.mcap
       mapcli simulate map.yaml --tour 8 --fov-deg 180 --laser-pose 0.2,0,0 \\
           --rear-laser-pose -0.2,0,180 --start-time 1700000000 cart.mcap
+      mapcli simulate fixtures/corridor.yaml --path fixtures/corridor-path.txt --range-max 1 \\
+          --sensor front=0.06,0,0 --sensor left=0,0.05,90 --sensor right=0,-0.05,-90 small.csv
       mapcli simulate fixtures/lawn.yaml --mow --landmarks 16 --png mowers.png
     """
     from mapcli import load_waypoints, load_world
@@ -93,6 +100,7 @@ def command(
     _check_usage(world, out, path, mow, given)
     try:
         limits, wheels, laser = robot_of(given)
+        sensors = sensors_of(given, laser)
     except DataError as error:
         raise click.UsageError(f"{error}.") from error
     if mow:
@@ -100,7 +108,10 @@ def command(
         return
     assert out is not None
     inputs = [world, *([path] if path else [])]
-    check_outputs([out], inputs, "inputs", no_clobber=given["no_clobber"])
+    if is_csv(out) and not sensors:
+        raise click.UsageError(f"{out}: a CSV log has range sensors; add --sensor.")
+    outputs = [out, beside(out)] if is_csv(out) else [out]
+    check_outputs(outputs, inputs, "inputs", no_clobber=given["no_clobber"])
     loaded = load_world(world)
     warn(world, loaded.warnings, quiet=quiet)
     with _names(path or world):
@@ -113,7 +124,7 @@ def command(
         simulation = replace(
             simulation, people=given["people"], glass=given["glass"],
             rear=replace(laser, mount=Mount(rear)) if rear else None,
-            start_ns=round(given["start_time"] * NANOSECONDS),
+            start_ns=round(given["start_time"] * NANOSECONDS), sensors=sensors,
         )  # fmt: skip
     _write(simulation, out, given["no_clobber"], quiet)
     if not quiet:
@@ -159,6 +170,10 @@ def _write(simulation: Simulation, out: str, no_clobber: bool, quiet: bool) -> N
     from mapcli.formats.logs.topics import LogNames
 
     records = progress(simulation.records(), "Driving", simulation.record_count, quiet=quiet)
+    if is_csv(out):
+        sensors = {name: sensor.blank(name) for name, sensor in simulation.sensors.items()}
+        save_csv_log(records, sensors, out, no_clobber=no_clobber)
+        return
     save_log(records, out, LogNames(topic_per_mount=True), no_clobber=no_clobber)
 
 
@@ -166,7 +181,8 @@ def _report(simulation: Simulation, verbose: bool) -> None:
     for number, time in enumerate(simulation.arrivals() if verbose else (), start=1):
         pose = simulation.true_pose(time)
         say(f"{time:8.2f} s  waypoint {number:3}  ({pose.x:.2f}, {pose.y:.2f})")
+    seen = "readings of range sensors" if simulation.sensors else "scans"
     say(
         f"{simulation.drive.distance:.1f} m in {simulation.duration:.1f} s, "
-        f"{simulation.scan_count:,} scans, {simulation.reading_count:,} odometry readings",
+        f"{simulation.scan_count:,} {seen}, {simulation.reading_count:,} odometry readings",
     )

@@ -77,6 +77,12 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 @_option("--no-return", PERCEPTION.no_return, "What beams without return passed: `clear` makes it "
          "open up to the maximum range, `ignore` leaves it as it was.",
          type=click.Choice(("clear", "ignore")))  # fmt: skip
+@_option("--gather", PERCEPTION.gather_m, "Readings of range sensors with one beam are one scan "
+         "over so many metres of way; 0: those of one place.", metavar="M",
+         type=NOT_NEGATIVE)  # fmt: skip
+@_option("--min-hits", MATCH.min_hits, "Hits that a scan needs, and as many where the map is "
+         "known, to be matched; scans of fewer go by odometry.", metavar="N",
+         type=click.IntRange(1))  # fmt: skip
 @_option("--p-hit", MAP.p_hit, "Obstacle probability of an unknown cell after one beam ended in "
          "it; nearer to 0.5 for sensors that err.", metavar="P",
          type=Number(0.5, 1, min_open=True, max_open=True))  # fmt: skip
@@ -144,7 +150,7 @@ def command(
     files = perception_files(folder or default_folder(logs[0]), saved)
     read = DigestingReader()
     base = load_map(known, read=read) if known else None
-    inputs = [*logs, *(map(str, base.files) if base else ())]
+    inputs = [*log_input.inputs(logs), *(map(str, base.files) if base else ())]
     check_replay_outputs(outputs, inputs, list(files.values()), no_clobber=no_clobber)
     parameters = slam_parameters(loops=loop_closing and not known, frozen=localize, **model)
     slam = Slam(parameters, initial_pose, known_map(base, parameters) if base else None)
@@ -158,6 +164,8 @@ def command(
         files, run.kept, replayed.trace, parameters.perception, log.name
     )
     write_outputs(outputs, replayed, head, perceptions, no_clobber=no_clobber)
+    if not (quiet or summary.matched):
+        _explain_no_match(parameters.match, run.most_hits)
     if model["similarity"] and parameters.match.search != "book" and not quiet:
         say("Note: --similarity is for --search book and changes nothing.")
     say_notes(log, verbose=verbose, quiet=quiet)
@@ -169,11 +177,25 @@ def command(
         limit.check(summary.values(), log.name)
 
 
+def _explain_no_match(match: MatchParameters, most_hits: int) -> None:
+    """Say why not one scan was matched, where that is known."""
+    if match.search == "none":
+        say("Note: no scan is matched, as --search none asks.")
+    elif most_hits < match.min_hits:
+        say(f"Note: no scan is matched: none has the {match.min_hits} hits that a match takes "
+            f"(--min-hits), at most {most_hits}; the map is made by odometry.")  # fmt: skip
+    else:
+        say("Note: no scan is matched: what one saw was never seen by those before, or did not "
+            "fit; the map is made by odometry.")  # fmt: skip
+
+
 def slam_parameters(
     *,
     resolution: float,
     range_min: float | None,
     range_max: float | None,
+    gather: float,
+    min_hits: int,
     no_return: Any,
     p_hit: float,
     p_miss: float,
@@ -196,7 +218,7 @@ def slam_parameters(
     parameters = SlamParameters(
         local_map=LocalMapParameters(frozen=frozen),
         map=replace(MAP, resolution=resolution, p_hit=p_hit, p_miss=p_miss),
-        perception=PerceptionParameters(range_min, range_max, no_return),
+        perception=PerceptionParameters(range_min, range_max, no_return, gather),
         match=replace(
             MATCH,
             search=search,
@@ -205,6 +227,7 @@ def slam_parameters(
             window_theta_deg=window_theta_deg,
             step_xy=step_xy,
             step_theta_deg=step_theta_deg,
+            min_hits=min_hits,
         ),
     )
     # Poses that are not searched for closely are not worth the loops.

@@ -106,6 +106,15 @@ YAML_KINDS = (
 
 TRACE_SUFFIXES = {".tum": "TUM", ".kitti": "KITTI", ".g2o": "g2o", ".csv": "CSV"}
 
+POSE_COLUMNS = {"t", "x", "y", "theta"}
+"""Of a CSV log of a robot; the others are its sensors."""
+
+TRACE_COLUMNS = POSE_COLUMNS | {"stamp_ns", "odom_x", "odom_y", "odom_theta", "score", "status"}
+"""Of a trace; whatever has others is none."""
+
+COLUMN = re.compile(r"[^\W\d][\w. \[\]-]*")
+"""The name of a column."""
+
 LINES_LOOKED_AT = 20
 
 Rows = list[list[float]]
@@ -209,6 +218,8 @@ def _kind_of_lines(start: bytes, name: str) -> FileKind | None:
     whole = (lines[:-1] if len(start) >= SNIFFED_BYTES else lines)[:LINES_LOOKED_AT]
     if any(line.startswith("VERTEX_SE") for line in whole):
         return FileKind("a g2o trace", Role.TRACE)
+    if looks_like_robot_csv(start):
+        return FileKind("a CSV log of a robot", Role.LOG)
     if whole and {"x", "y", "theta"} <= {word.strip() for word in whole[0].split(",")}:
         return FileKind("a CSV trace", Role.TRACE)
     suffix = Path(name).suffix.lower()
@@ -217,6 +228,16 @@ def _kind_of_lines(start: bytes, name: str) -> FileKind | None:
     if suffix == ".relations":
         return FileKind("a file of relations", Role.RELATIONS)
     return _kind_of_columns(whole) or _map_of_characters(text)
+
+
+def looks_like_robot_csv(start: bytes) -> bool:
+    """Whether a file begins with a head line of columns, of which some are readings of sensors, and
+    most of `t,x,y,theta` are there. What is missing is said by the reader."""
+    text = start.removeprefix(b"\xef\xbb\xbf").decode("utf-8", "replace")
+    lines = (line.partition("#")[0].strip() for line in text.splitlines())
+    columns = {word.strip().strip('"').strip() for word in next(filter(None, lines), "").split(",")}
+    is_named = all(COLUMN.fullmatch(word) for word in columns)
+    return is_named and len(columns & POSE_COLUMNS) > 1 and bool(columns - TRACE_COLUMNS)
 
 
 def _kind_of_columns(lines: list[str]) -> FileKind | None:

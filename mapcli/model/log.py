@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -9,7 +10,8 @@ from mapcli.model.counting import counted
 from mapcli.model.scan import Mount, Record
 from mapcli.model.sweep import BeamOrder, ScanStamp
 
-Role = Literal["scan", "odometry", "tf", "tf_static", "other"]
+SensorKind = Literal["distance", "switch", "ground"]
+Role = Literal["scan", "range", "odometry", "tf", "tf_static", "other"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,8 @@ class LogOptions:
         scan_topics: by name, one for each laser, or `ALL_TOPICS`; empty finds the only candidate.
         odom_topic: by name; None finds the only candidate.
         laser_pose: overrides the mount that the log tells.
+        sensors: (topic, mount) of range sensors, instead of what the log tells.
+        sensors_file: YAML that says where the sensors of a CSV log sit; None looks beside it.
         time_source: `header` uses the stamp inside a message, `log` the time it was recorded at.
         strict: refuse a damaged log instead of using what can be read.
         range_unit, angle_unit: of the readings and the angles of scans.
@@ -58,6 +62,8 @@ class LogOptions:
     scan_topics: tuple[str, ...] = ()
     odom_topic: str | None = None
     laser_pose: Mount | None = None
+    sensors: tuple[tuple[str, Mount], ...] = ()
+    sensors_file: str | None = None
     time_source: Literal["header", "log"] = "header"
     strict: bool = False
     one_recording: bool = False
@@ -182,6 +188,45 @@ class BeamCounts:
     no_return: int = 0
     too_close: int = 0
     invalid: int = 0
+
+
+@dataclass
+class SensorCounts:
+    """A range sensor with one beam, and what it has read so far (mutable).
+
+    Attributes:
+        name: its topic or column.
+        kind: `ground` looks at the floor, or up, and is not used; `switch` tells only whether
+            something is within its distance.
+        mount: where it sits; None where that plays no part.
+        range_min, range_max: metres, the same for a switch; field_of_view: radians.
+        readings: all; nothing: of these, saw nothing; too_close: something too close to measure;
+            invalid: were none.
+        least, most: of the distances read, metres; infinite before the first.
+    """
+
+    name: str
+    kind: SensorKind
+    mount: Mount | None
+    range_min: float
+    range_max: float
+    field_of_view: float = 0.0
+    readings: int = 0
+    nothing: int = 0
+    too_close: int = 0
+    invalid: int = 0
+    least: float = math.inf
+    most: float = -math.inf
+
+    def add(self, reading: float) -> None:
+        """Count a reading as it was recorded, metres."""
+        self.readings += 1
+        is_nothing = reading > self.range_max or reading == self.range_max != self.range_min
+        self.nothing += is_nothing
+        if 0 <= reading < math.inf and not is_nothing:
+            self.least, self.most = min(self.least, reading), max(self.most, reading)
+        self.invalid += math.isnan(reading) or 0 > reading > -math.inf
+        self.too_close += reading == -math.inf or 0 <= reading < self.range_min
 
 
 @dataclass

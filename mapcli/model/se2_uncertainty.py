@@ -57,6 +57,10 @@ class StandardDeviations(NamedTuple):
         """The inverse of `covariance`."""
         return np.diag([self.xy**-2, self.xy**-2, self.theta**-2])
 
+    def scaled(self, factor: float) -> StandardDeviations:
+        """So many times as large."""
+        return StandardDeviations(factor * self.xy, factor * self.theta)
+
     def after(self, metres: float, step: StandardDeviations) -> StandardDeviations:
         """Of the pose after a step of so many metres, whose error is independent: a heading that
         is off leads aside."""

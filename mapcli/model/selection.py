@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from math import inf
 from typing import overload
 
 from mapcli.model.log import Entry, MissedScans
+from mapcli.model.range_reading import RangeReading
 from mapcli.model.scan import Odometry, RangeScan, Record
 
 LONGEST_WAIT_S = 10.0
@@ -35,7 +37,8 @@ def select(
     end_s: float | None = None,
     every: int = 1,
 ) -> Iterator[Entry]:
-    """Every `every`-th scan from `start_s` to `end_s`, with the odometry around them.
+    """Every `every`-th scan from `start_s` to `end_s`, with the odometry around them; of sensors
+    with one beam, every so-manieth reading of each.
 
     Missed scans count like others: the scans chosen are those that would be, had none been missed.
 
@@ -48,7 +51,7 @@ def select(
         The scans of that window, all odometry in it, and the last odometry before and the first
         one after it, between which the poses at the first and the last scan are interpolated.
     """
-    scans = 0
+    scans, readings = 0, Counter[str]()
     for record in _window(records, start_s, end_s):
         if isinstance(record, MissedScans):
             chosen = range(-scans % every, record.count, every)
@@ -56,7 +59,11 @@ def select(
             if chosen:
                 yield replace(record, count=len(chosen))
             continue
-        if isinstance(record, RangeScan):
+        if isinstance(record, RangeReading):
+            readings[record.sensor] += 1
+            if (readings[record.sensor] - 1) % every:
+                continue
+        elif isinstance(record, RangeScan):
             scans += 1
             if (scans - 1) % every:
                 continue
@@ -88,7 +95,7 @@ def _window(
             continue
         if isinstance(record, Odometry) and Odometry not in beyond:
             yield record
-        beyond.add(type(record))
+        beyond.add(RangeScan if isinstance(record, RangeScan) else type(record))
         # Before the next scan it is not known when those were taken that are missed.
         if beyond >= {Odometry, RangeScan} or elapsed > end_s + LONGEST_WAIT_S:
             return

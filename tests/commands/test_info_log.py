@@ -207,7 +207,7 @@ def test_a_log_that_cannot_be_read(tmp_path: Path, capsys: pytest.CaptureFixture
     path.write_bytes(b"")
     assert info(str(path)) == 1
     assert capsys.readouterr().err.endswith(
-        "a.mcap: is empty; expected an MCAP file, a ROS bag or a CARMEN log\n"
+        "a.mcap: is empty; expected an MCAP file, a ROS bag, a CARMEN log or a robot's CSV\n"
     )
 
 

@@ -63,15 +63,19 @@ def with_scans(change: dict[int, dict[str, Any]]) -> list[Record]:
 # Logs that cannot be read at all
 
 SMALL_FILES = {
-    "empty.mcap": (b"", "empty.mcap: is empty; expected an MCAP file or a CARMEN log"),
+    "empty.mcap": (
+        b"",
+        "empty.mcap: is empty; expected an MCAP file, a ROS bag, a CARMEN log or a robot's CSV",
+    ),
     "text.mcap": (
         b"this is no log\n",
-        "text.mcap: is no log that mapcli knows; expected an MCAP file or a CARMEN log",
+        "text.mcap: is no log that mapcli knows; expected an MCAP file, a ROS bag, a CARMEN log or "
+        "a robot's CSV",
     ),
     "picture.mcap": (
         b"\x89PNG\r\n\x1a\n" + bytes(100),
         "picture.mcap: is a PNG image; draw it with mapcli render, or go on with it with mapcli "
-        "slam-replay LOG --known; expected an MCAP file or a CARMEN log",
+        "slam-replay LOG --known; expected an MCAP file, a ROS bag, a CARMEN log or a robot's CSV",
     ),
     "ros1.bag": (
         b"#ROSBAG V2.0\n" + bytes(100),
@@ -104,7 +108,8 @@ def test_a_folder_that_is_no_bag(capsys: pytest.CaptureFixture[str]) -> None:
     Path("stuff").mkdir()
     assert replay("stuff") == 1
     assert complaint(capsys) == (
-        "Error: stuff: is a folder; expected an MCAP file or a CARMEN log, or a ROS 2 bag's folder"
+        "Error: stuff: is a folder; expected an MCAP file, a ROS bag, a CARMEN log or a robot's "
+        "CSV, or a ROS 2 bag's folder"
     )
 
 

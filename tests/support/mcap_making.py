@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,24 @@ def scan(
         range_min, range_max, ranges, np.zeros(2, dtype=np.float32),
     )  # fmt: skip
     return Sent(topic, ros.LASER_SCAN, message, round((t if log is None else log) * S), **more)
+
+
+def sonar(
+    t: float,
+    reading: float,
+    *,
+    topic: str = "/sonar",
+    frame: str = "sonar",
+    limits: tuple[float, float] = (0.02, 2.0),
+    variance: float | None = None,
+    **more: Any,
+) -> Sent:
+    """A sensor_msgs/msg/Range; with a variance, in the layout of ROS 2 Iron and later."""
+    message = ros.build(ros.RANGE, ros.header(round(t * S), frame), 0, 0.25, *limits, reading)
+    data = bytes(ros.typestore().serialize_cdr(message, ros.RANGE, little_endian=True))
+    if variance is not None:
+        data += struct.pack("<f", variance)
+    return Sent(topic, ros.RANGE, message, round(t * S), data=data, **more)
 
 
 def odom(

@@ -14,6 +14,7 @@ from mapcli.algorithms.scans.mount_check import MountCheck, MountFinding
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.slam.sweep_search import SweepSearch
 from mapcli.model.pose import wrap_angle
+from mapcli.model.range_reading import RangeReading
 from mapcli.model.scan import Odometry, RangeScan, Record
 from mapcli.model.sweep import BeamOrder
 from mapcli.model.sweep_summary import turn_time
@@ -129,7 +130,8 @@ class _LogFacts:
             self._add_odometry(record)
 
     def _add_scan(self, scan: RangeScan) -> None:
-        self.scan_stamps.append(scan.stamp_ns)
+        if self._is_of_next_moment(scan):
+            self.scan_stamps.append(scan.stamp_ns)
         n = len(scan.ranges)
         ends = scan.angle_min, scan.angle_min + scan.angle_increment * (n - 1)
         for extremes, least, most in (
@@ -143,9 +145,21 @@ class _LogFacts:
         if scan.timing.increment:
             self.order = self.sweeps.order if self.sweeps.was_needed else scan.timing.order
         last = self._last_scan
-        if last is not None and np.array_equal(last.ranges, scan.ranges, equal_nan=True):
+        is_reading = isinstance(scan, RangeReading)  # of which the next may well be the same
+        if (
+            last is not None
+            and not is_reading
+            and np.array_equal(last.ranges, scan.ranges, equal_nan=True)
+        ):
             self.repeated += 1
         self._last_scan = scan
+
+    def _is_of_next_moment(self, scan: RangeScan) -> bool:
+        """Range sensors that read at the same time are looked at as one."""
+        before = self._last_scan
+        if not (isinstance(scan, RangeReading) and isinstance(before, RangeReading)):
+            return True
+        return scan.stamp_ns != before.stamp_ns or scan.sensor == before.sensor
 
     def _add_odometry(self, odometry: Odometry) -> None:
         self.odometry_stamps.append(odometry.stamp_ns)

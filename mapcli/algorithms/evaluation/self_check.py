@@ -201,7 +201,7 @@ def align_scans(
     if len(points) < MIN_POINTS or len(base.hits) < MIN_POINTS:
         return None
     grid = OccupancyGrid(MAP)
-    grid.integrate(Pose2D(), replace(base, hits=densified(base.hits, MAP.resolution)))
+    grid.integrate(Pose2D(), replace(base, hits=densified(base.hits, MAP.resolution), readings=()))
     # No prior: the guess is only the centre of the search window.
     search = MatchParameters(
         window_xy=p.window_m, window_theta_deg=p.window_deg, odometry_prior=0.0, relocalise=False

@@ -11,6 +11,7 @@ from operator import attrgetter
 
 import numpy as np
 
+from mapcli.algorithms.scans.gathering import SHORT_WAY_M, gathered
 from mapcli.model.pose import Pose2D, interpolate
 from mapcli.model.scan import NANOSECONDS, Odometry, RangeScan, Record
 from mapcli.model.sweep import SweepMotion
@@ -31,17 +32,25 @@ ScanAtOdometry = tuple[RangeScan, Pose2D | None]
 """A scan, with the odometry's pose at its stamp; None where that is silent."""
 
 
-def odometry_at_scans(records: Iterable[Record]) -> Iterator[ScanAtOdometry]:
+def odometry_at_scans(
+    records: Iterable[Record], way_m: float = SHORT_WAY_M
+) -> Iterator[ScanAtOdometry]:
     """Each scan with the odometry pose interpolated at its stamp; a scan whose beams are taken one
-    after another gets the robot's `motion` meanwhile, by odometry, if that is known.
+    after another gets the robot's `motion` meanwhile, by odometry, if that is known. Readings of
+    several sensors with one beam become one scan (`gathering`).
 
     Args:
         records: in stamp order; poses other than odometry are passed over.
+        way_m: metres of way over which readings are gathered.
 
     Yields:
         Scans in order. None where odometry is silent: before its first record, and from half a
         second after a record on (until then it is extrapolated) when none follows in two seconds.
     """
+    return gathered(_interpolated(records), way_m)
+
+
+def _interpolated(records: Iterable[Record]) -> Iterator[ScanAtOdometry]:
     waiting: deque[RangeScan] = deque()
     known = _KnownOdometry()
     for record in records:

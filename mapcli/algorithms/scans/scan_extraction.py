@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.odometry_interpolation import ScanAtOdometry, odometry_at_scans
-from mapcli.algorithms.scans.perception import FARTHEST, PerceptionParameters
+from mapcli.algorithms.scans.perception import FARTHEST, PerceptionParameters, perceive
 from mapcli.errors import DataError
 from mapcli.model.perception import IntendedPose, ScanPerception
 from mapcli.model.pose import Pose2D, wrap_angle
+from mapcli.model.range_reading import GatheredScan
 from mapcli.model.scan import RangeScan, Record
 from mapcli.model.selection import select
 from mapcli.model.sweep import SweepMotion
@@ -103,6 +104,8 @@ def scan_perception(
         DataError: not one beam is left.
     """
     p = parameters or PerceptionParameters()
+    if isinstance(scan, GatheredScan):
+        return _gathered_perception(scan, pose, p)
     nearest = scan.range_min if p.range_min is None else p.range_min
     farthest = min(scan.range_max if p.range_max is None else p.range_max, FARTHEST)
     ranges = scan.ranges.astype(np.float64)
@@ -123,6 +126,25 @@ def scan_perception(
         p.no_return,
         walls="ends",
     )
+
+
+def _gathered_perception(
+    scan: GatheredScan, pose: Pose2D, parameters: PerceptionParameters
+) -> ScanPerception:
+    """Readings of several sensors over a short way as they would be from the robot's middle, where
+    it was at the end of it."""
+    seen = perceive(scan, replace(parameters, no_return="clear"))
+    ends = np.concatenate([seen.hits, seen.open_ends])
+    if not len(ends):
+        raise DataError("the scan has no beam with a valid reading")
+    ranges = np.hypot(ends[:, 0], ends[:, 1])
+    farthest = float(ranges.max())
+    ranges[len(seen.hits) :] = np.inf
+    beams = np.column_stack([np.arctan2(ends[:, 1], ends[:, 0]), ranges])
+    return ScanPerception(
+        IntendedPose(pose.theta, (pose.x, pose.y)), beams, farthest, Pose2D(),
+        parameters.no_return, walls="ends",
+    )  # fmt: skip
 
 
 def _deskewed(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from typing import Literal, get_args
 
@@ -13,6 +13,7 @@ import numpy as np
 from mapcli.algorithms.simulation.scene import Scene
 from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
+from mapcli.model.range_reading import RangeReading
 from mapcli.model.scan import NANOSECONDS, Mount, RangeScan
 from mapcli.model.sweep import BeamOrder, BeamTiming
 
@@ -240,6 +241,21 @@ class LaserModel:
             start_ns + round(time * NANOSECONDS), *fan[:2], ranges.astype(np.float32),
             self.range_min, self.range_max, self.mount, self.timing,
         )  # fmt: skip
+
+    def blank(self, name: str) -> RangeReading:
+        """A reading of nothing, of a range sensor of this name."""
+        ranges = np.array([np.nan], dtype=np.float32)
+        return RangeReading(0, 0.0, 0.0, ranges, self.range_min, self.range_max, self.mount,
+                            sensor=name)  # fmt: skip
+
+    def reading(
+        self, name: str, scene: Scene, robot_at: Callable[[float], Pose2D], time: float,
+        start_ns: int, rng: np.random.Generator,
+    ) -> RangeReading:  # fmt: skip
+        """The reading of a range sensor of this name, of one beam, see `scan`."""
+        scan = self.scan(scene, robot_at, time, start_ns, rng)
+        return RangeReading(**{item.name: getattr(scan, item.name) for item in fields(scan)},
+                            sensor=name)  # fmt: skip
 
 
 def _check_positive(**values: float) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -20,6 +20,7 @@ from mapcli.algorithms.simulation.sensors import Fault, LaserModel, WheelModel
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D, wrap_angle
+from mapcli.model.range_reading import RangeReading
 from mapcli.model.scan import NANOSECONDS, Odometry, RangeScan, Record, TruePose
 from mapcli.model.waypoint import Waypoint
 from mapcli.model.world import World
@@ -29,6 +30,9 @@ START_NS = 1_600_000_000 * 10**9
 
 ROBOT_RADIUS = 0.15
 """Metres: a robot as wide as a vacuum cleaner."""
+
+FIRST_SENSOR = 5
+"""Number of the random generator of the first range sensor."""
 
 POSE_STEP = 2.0**-20
 """Poses are recorded in steps of about a micrometre and a microradian, so that a log does not
@@ -45,6 +49,7 @@ class Simulation:
         odometry, laser: the sensors.
         seed: of the noise; any whole number from 0 is a seed. Wheels, lasers, people and glass
             draw from generators of their own, so that changing one leaves the noise of the others.
+        sensors: range sensors with one beam each, by name, instead of the lasers.
         rear: a second laser, which scans half a period after the first; None for none.
         people: how many walk about, from somewhere on the robot's way.
         glass: share of what is solid that is of glass, see `glazed`.
@@ -64,6 +69,7 @@ class Simulation:
     people: int = 0
     glass: float = 0.0
     start_ns: int = START_NS
+    sensors: Mapping[str, LaserModel] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.people < 0:
@@ -89,7 +95,8 @@ class Simulation:
         return Scene(*glazed(self.world, self.glass, glass), tuple(walks))
 
     def _generator(self, number: int) -> np.random.Generator:
-        """Of wheels, laser, rear laser, people, glass: each draws from its own."""
+        """Of wheels, laser, rear laser, people, glass, and then each range sensor: each draws from
+        its own."""
         seed = np.random.SeedSequence(self.seed).spawn(number + 1)[number]
         return np.random.Generator(np.random.PCG64(seed))
 
@@ -111,8 +118,11 @@ class Simulation:
         """The log, lazily, in the order of the stamps: true pose, odometry, scan at each."""
         streams: list[Iterator[Record]] = [
             self._true_poses(), self._odometry(self._generator(0)),
-            self._scans(self.laser, self._scan_times(), self._generator(1)),
         ]  # fmt: skip
+        if self.sensors:
+            streams += [self._readings(number) for number in range(len(self.sensors))]
+            return heapq.merge(*streams, key=lambda record: record.stamp_ns)
+        streams.append(self._scans(self.laser, self._scan_times(), self._generator(1)))
         if self.rear:
             streams.append(self._scans(self.rear, self._rear_times(), self._generator(2)))
         return heapq.merge(*streams, key=lambda record: record.stamp_ns)
@@ -142,8 +152,18 @@ class Simulation:
         for time in times:
             yield laser.scan(self.scene, self.true_pose, time, self.start_ns, rng)
 
+    def _readings(self, number: int) -> Iterator[RangeReading]:
+        """Of one of the range sensors, which has noise of its own."""
+        name, sensor = list(self.sensors.items())[number]
+        rng = self._generator(FIRST_SENSOR + number)
+        for time in self._times(sensor):
+            yield sensor.reading(name, self.scene, self.true_pose, time, self.start_ns, rng)
+
+    def _times(self, sensor: LaserModel) -> Iterator[float]:
+        return (i / sensor.rate for i in range(math.floor(self.duration * sensor.rate) + 1))
+
     def _scan_times(self) -> Iterator[float]:
-        return (i / self.laser.rate for i in range(math.floor(self.duration * self.laser.rate) + 1))
+        return self._times(self.laser)
 
     def _rear_times(self) -> Iterator[float]:
         rate = self.rear.rate if self.rear else 0.0
@@ -159,7 +179,9 @@ class Simulation:
 
     @property
     def scan_count(self) -> int:
-        """Scans of all lasers, none that begins past the end."""
+        """Scans of all lasers, or readings of all sensors, none that begins past the end."""
+        if self.sensors:
+            return sum(1 for one in self.sensors.values() for _ in self._times(one))
         return sum(1 for _ in self._scan_times()) + sum(1 for _ in self._rear_times())
 
     def _odometry_times(self) -> Iterator[float]:

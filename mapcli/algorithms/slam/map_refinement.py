@@ -114,7 +114,8 @@ def map_from_keyframes(
     for keyframe in trajectory.keyframes:
         if keyframe.scan < len(poses):
             seen.append((poses[keyframe.scan], keyframe.perception))
-            ends = seen[-1][0].apply(keyframe.perception.beams())
+            beams = np.concatenate([part.beams() for part in keyframe.perception.parts()])
+            ends = seen[-1][0].apply(beams)
             grid.extend_to(ends.min(axis=0), ends.max(axis=0))
     ghosts = Ghosts(grid)
     for pose, perception in seen:

@@ -12,7 +12,8 @@ from mapcli.model.se2_uncertainty import InformationMatrix
 Search = Literal["window", "book", "none"]
 
 MIN_POINTS = 5
-"""A scan with fewer points, or fewer on known cells, says nothing about the pose."""
+"""A scan with fewer points, or fewer on known cells, says nothing about the pose, unless it is said
+how few are enough."""
 
 MIN_OVERLAP = 0.4
 """The share of a scan's points that fall on known cells, at least, where it is believed to belong
@@ -33,6 +34,7 @@ class MatchParameters:
         odometry_prior: the most that leaving the odometry's pose costs, as a share of a perfect
             score.
         relocalise: search far around when the scan fits the map worse than those before.
+        min_hits: points that a scan must have, and as many on known cells, to be matched.
         refine: go on from the best test position to the last millimetres.
     """
 
@@ -45,6 +47,7 @@ class MatchParameters:
     odometry_prior: float = 0.1
     relocalise: bool = True
     refine: bool = True
+    min_hits: int = MIN_POINTS
 
 
 class Alternative(NamedTuple):

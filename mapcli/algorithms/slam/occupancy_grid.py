@@ -205,11 +205,18 @@ class OccupancyGrid:
 
         Without `update_field`, the likelihood field stays behind until `build_likelihood_field`
         and `interpolate_gaps` are called, which is cheaper for a map that is made first and
-        searched afterwards, or never.
+        searched afterwards, or never. Readings of several sensors are written one by one, each
+        from where it was taken.
 
         Returns:
             What was written, until the next scan is.
         """
+        if perception.readings:
+            parts = [
+                WrittenCells(*map(np.copy, self.integrate(pose, one, update_field=update_field)))
+                for one in perception.readings
+            ]
+            return WrittenCells(*map(np.concatenate, zip(*parts, strict=True)))
         points, hits = perception.beams(), len(perception.hits)
         if len(points) == 1:
             return WrittenCells(*(np.empty(0, np.int64) for _ in range(2)))

@@ -13,7 +13,7 @@ from dataclasses import replace
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam.agreement import agreement
 from mapcli.algorithms.slam.correlative_search import SearchWindow
-from mapcli.algorithms.slam.match import MIN_POINTS, Match, MatchParameters
+from mapcli.algorithms.slam.match import Match, MatchParameters
 from mapcli.algorithms.slam.motion_model import OdometryUncertainty
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.scan_points import ScanPoints, points_of, window_box
@@ -37,6 +37,7 @@ class ScanInMap:
         grid: the map, which grows where the scan would not fit into it.
         points: of the scan, in the robot's frame.
         turn_step: radians between test headings.
+        independent: see `Perception`.
     """
 
     def __init__(
@@ -45,7 +46,8 @@ class ScanInMap:
         self.grid, self.cell = grid, grid.parameters.resolution
         self.points: ScanPoints = points_of(perception, self.cell)
         self.turn_step = math.radians(parameters.step_theta_deg)
-        self._refines = parameters.refine
+        self.independent = perception.independent
+        self._refines, self._min_points = parameters.refine, parameters.min_hits
 
     @property
     def size(self) -> int:
@@ -55,7 +57,7 @@ class ScanInMap:
     @property
     def has_enough_points(self) -> bool:
         """Whether the scan has points enough to be matched."""
-        return self.size >= MIN_POINTS
+        return self.size >= self._min_points
 
     def cover(self, middle: Pose2D, window: SearchWindow) -> None:
         """Make the map hold every point at every pose of a window."""
@@ -68,14 +70,15 @@ class ScanInMap:
         """How well the scan agrees with the map at a pose, which is covered."""
         cells = self.grid.pose_to_cells(pose)
         score, known, conflicts = agreement(self.grid, self.points.cells, cells)
-        return Match(pose, score, known, known >= MIN_POINTS, information, conflicts)
+        return Match(pose, score, known, known >= self._min_points, information, conflicts)
 
     def refine(self, near: Pose2D, predicted: Pose2D, uncertainty: OdometryUncertainty) -> Match:
         """The match at the refined pose, or at `near` where the refinement is not to be trusted.
 
         Args:
             near: where to start, in the basin of convergence, covered.
-            predicted: the pose by odometry, with its uncertainty: the prior.
+            predicted: the pose by odometry, with its uncertainty: the prior. It weighs more where
+                only a share of the points is evidence of its own.
         """
         if not self._refines:
             return self.compare(near)
@@ -83,11 +86,11 @@ class ScanInMap:
             self.points.metres,
             near,
             predicted,
-            uncertainty.deviations,
+            uncertainty.deviations.scaled(math.sqrt(self.independent)),
             BEARING_VARIANCE,
         )
         moved = near.distance(fit.pose) + abs(near.between(fit.pose).theta) * self.points.radius
-        if fit.matched >= MIN_POINTS and moved < FARTHEST_REFINEMENT * self.cell:
+        if fit.matched >= self._min_points and moved < FARTHEST_REFINEMENT * self.cell:
             return self.compare(fit.pose, fit.information_in_own_frame())
         return self.compare(near)
 

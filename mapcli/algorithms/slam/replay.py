@@ -21,6 +21,7 @@ from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.log import Damage
 from mapcli.model.pose import Pose2D
+from mapcli.model.range_reading import GatheredScan
 from mapcli.model.reason import Reason
 from mapcli.model.scan import NANOSECONDS, RangeScan, Record
 from mapcli.model.seen_part import seen_part
@@ -88,6 +89,7 @@ class ReplayRun:
         kept: the scans whose numbers are in `keep`.
         mount: whether the laser sits where the log says.
         sweeps: when the beams of a scan are taken, where the log does not tell.
+        most_hits: beams of a scan that hit something, at most.
     """
 
     def __init__(self, slam: Slam, keep: Container[int] = ()) -> None:
@@ -100,18 +102,22 @@ class ReplayRun:
         self.mount = MountCheck()
         self.sweeps = SweepSearch(slam.parameters)
         self._timed: RangeScan | None = None  # the first whose beams are not taken at once
-        self._keep, self._scans_read = keep, 0
+        self.most_hits = 0
+        self._keep, self._scans_read, self._scans_used = keep, 0, 0
         self._sample = ScanSample()
 
     def track(self, records: Iterable[Record]) -> Iterator[TracedPose]:
         """Every scan with its pose, as the log goes on."""
-        scans = odometry_at_scans(self.sweeps.settled(self._counted(records)))
+        way_m = self.slam.parameters.perception.gather_m
+        scans = odometry_at_scans(self.sweeps.settled(self._counted(records)), way_m)
         for scan, odom in self.mount.watched(scans):
             if self._timed is None and scan.first_ns < scan.last_ns:
                 self._timed = scan
             if len(self.poses) in self._keep:
                 self.kept[len(self.poses)] = scan
+            self._scans_used += len(scan.readings) if isinstance(scan, GatheredScan) else 1
             self.poses.append(self.slam.step(scan, odom))
+            self.most_hits = max(self.most_hits, len(self.slam.perception.hits))
             self._sample.add(self.poses[-1].pose, self.slam.perception)
             yield self.poses[-1]
 
@@ -148,8 +154,7 @@ class ReplayRun:
             raise DataError("no scan in the part asked for")
         damage = damage or Damage()
         skipped = dict(damage.missed)
-        if self._scans_read > len(self.poses):
-            missed = self._scans_read - len(self.poses)
+        if missed := self._scans_read - self._scans_used:
             skipped["scans not reached before the interruption"] = missed
         trace = self.trace()
         return Replayed(self._map(trace), trace, self._summary(trace, damage, skipped))

@@ -236,7 +236,8 @@ class _WindowMatcher:
         """What the scan says for a match and against another, nats. As many points count as are on
         known ground in both: that one overlaps the map more is no evidence (Sect. 9.7)."""
         points = min(match.known_points, other.known_points)
-        return POINT_EVIDENCE * points * (match.score - other.score)
+        points_alone = self.scan.independent * points
+        return POINT_EVIDENCE * points_alone * (match.score - other.score)
 
     def _cost(self, match: Match) -> float:
         """What odometry says against a match, nats."""

@@ -31,7 +31,7 @@ from mapcli.algorithms.slam.known_map_fit import EXPECTED, KnownMapFit
 from mapcli.algorithms.slam.local_map import LocalMap
 from mapcli.algorithms.slam.lost_track import LostTrack
 from mapcli.algorithms.slam.map_refinement import map_from_keyframes
-from mapcli.algorithms.slam.match import MIN_POINTS, Match, MatchHistory
+from mapcli.algorithms.slam.match import Match, MatchHistory
 from mapcli.algorithms.slam.motion_model import DeadReckoning, OdometryUncertainty
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.odometry_faults import OdometryFaults
@@ -43,6 +43,7 @@ from mapcli.algorithms.slam.submaps import SUBMAP_M
 from mapcli.algorithms.slam.sweep_motion import SweepMotionFilter
 from mapcli.errors import DataError
 from mapcli.model.pose import Pose2D
+from mapcli.model.range_reading import RangeReading
 from mapcli.model.scan import Mount, RangeScan, Record
 from mapcli.model.trace import Status, TracedPose
 
@@ -104,12 +105,14 @@ class Slam:
 
     def replay(self, records: Iterable[Record]) -> Iterator[TracedPose]:
         """Every scan of a log with the pose it was taken at, in time order."""
-        for scan, odom in odometry_at_scans(records):
+        for scan, odom in odometry_at_scans(records, self.parameters.perception.gather_m):
             yield self.step(scan, odom)
 
     def step(self, scan: RangeScan, odom: Pose2D | None) -> TracedPose:
         """One turn of the book's loop for a scan, with the odometry's pose at its stamp."""
         first, c = not self._has_begun, self.pose
+        if first and isinstance(scan, RangeReading):
+            self._close_no_loops()
         counted = self.odometry.motion(scan.stamp_ns, odom)  # 2: the robot has moved a little
         motion = self.faults.motion(scan.stamp_ns, counted)
         n = c.compose(motion or Pose2D())  # 3: new position based on odometry
@@ -140,6 +143,13 @@ class Slam:
         status: Status = "first" if first else "matched" if b.found else "odometry"
         score = b.score if b.found else None
         return TracedPose(scan.stamp_ns, n, odom, score, status)
+
+    def _close_no_loops(self) -> None:
+        """For the few beams of range sensors: what they see at a place looks like many others, and
+        a scan fitted to the walls that it has shown itself is no better for it."""
+        self.parameters = self.parameters.without_loops()
+        self.local_map.parameters = self.parameters.local_map
+        self._detects_faults = False
 
     def _perceive(self, scan: RangeScan) -> Perception:
         """The perception map of a scan, deskewed as is known before it is matched."""
@@ -182,7 +192,7 @@ class Slam:
         """
         match = localize_globally(self.map, perception, self.parameters.match)
         self._is_localized = match.found
-        self._global_scans += len(perception.hits) >= MIN_POINTS
+        self._global_scans += len(perception.hits) >= self.parameters.match.min_hits
         if not match.found and self._global_scans == MOST_GLOBAL_SCANS:
             raise DataError(
                 f"{MOST_GLOBAL_SCANS} scans are found nowhere in the known map",

@@ -15,8 +15,9 @@ from mapcli.formats.logs.missed_scans import with_stamps
 from mapcli.formats.logs.mounts import rounded_mount
 from mapcli.formats.logs.no_return import NoReturnFilter
 from mapcli.formats.logs.one_recording import Part, Spans, refuse_breaks, refuse_overlap
+from mapcli.formats.logs.range_sensors import sensor_lines
 from mapcli.formats.logs.stamp_order import InStampOrder
-from mapcli.formats.logs.topics import choose_odom_topic, choose_scan_topics
+from mapcli.formats.logs.topics import check_sensors, choose_odom_topic, choose_scan_topics
 from mapcli.model.counting import counted
 from mapcli.model.log import (
     BeamCounts,
@@ -25,6 +26,7 @@ from mapcli.model.log import (
     Entry,
     LogOptions,
     MissedScans,
+    SensorCounts,
     Topic,
     UnitCounts,
 )
@@ -73,6 +75,7 @@ class Log(ABC):
         notes: what the user should know about how the log is understood.
         beams: what became of the beams of the scans yielded so far; units: what these scans say
             about their units.
+        sensors: range sensors with one beam, by name, and what they read so far.
         disordered: scans and odometry records that came after one of a later stamp.
         delays: topic -> how much later than stamped its messages were recorded.
         part: number of the file of the last record, in the order of recording.
@@ -88,6 +91,7 @@ class Log(ABC):
         self.damage: Damage = StrictDamage() if options.strict else Damage()
         self.notes: list[str] = []
         self.beams, self.units = BeamCounts(), UnitCounts()
+        self.sensors: dict[str, SensorCounts] = {}
         self.disordered = 0
         self.delays: dict[str, Delay] = {}
         self.part, self._start_ns = 0, 0
@@ -133,10 +137,11 @@ class Log(ABC):
 
         Raises:
             DataError: none, or several and no --scan-topic; several, and a --laser-pose, which
-                tells of one.
+                tells of one; a --sensor that is none of them.
         """
         wanted, name = self.options.scan_topics, self.sources[0].name
         topics = choose_scan_topics(self.topics(), wanted, name, self.scans_are)
+        check_sensors([sensor for sensor, _ in self.options.sensors], topics, name)
         if len(topics) > 1 and self.laser_pose is not None:
             raise DataError(
                 f"{len(topics)} lasers, and one --laser-pose for them", file=name,
@@ -208,7 +213,7 @@ class Log(ABC):
     def _all_records(self) -> Iterator[Entry]:
         self.damage.clear()
         self.beams, self.units = BeamCounts(), UnitCounts()
-        self.disordered, self.delays = 0, {}
+        self.disordered, self.delays, self.sensors = 0, {}, {}
         self.require_scan_topics()
         if self.find_odom_topic() is None:
             self.note("no odometry: poses come from matching scans alone")
@@ -229,6 +234,8 @@ class Log(ABC):
         finally:
             for line in codes.lines():
                 self.note(f"{', '.join(self.scan_topics)}: {line}")
+            for line in sensor_lines(self.sensors.values()):
+                self.note(line)
         if not scans:
             reasons = f" ({'; '.join(self.damage.lines())})" if self.damage.counts else ""
             raise FormatError(f"not one scan can be read{reasons}", file=self.sources[0].name)

@@ -6,7 +6,8 @@ robot wherever it goes. They stand out of a log's readings as a heap: narrow, ne
 reading, and more than all readings of the tenth of the range below it, where real ones grow rarer
 smoothly. A wall can heap up like that only while the robot stands still, or within the few degrees
 around its normal. So scans are surveyed at places some way apart, and a heap means no return if it
-is seen from many of them, or in arcs too wide for a wall (without odometry only these tell).
+is seen from many of them, or in arcs too wide for a wall (without odometry only these tell). A
+sensor with one beam tells neither: beside a wall it reads the same all the way.
 
 This is the one place that knows such codes: `Log.records` passes all scans through it.
 """
@@ -190,7 +191,7 @@ class NoReturnFilter:
             held.append(record)
             if isinstance(record, Odometry):
                 odometry = record.pose
-            elif isinstance(record, RangeScan):
+            elif isinstance(record, RangeScan) and len(record.ranges) > 1:
                 scans += 1
                 self.lasers[record.mount].survey(record, odometry)
             if scans >= MOST_SCANS or len(held) >= MOST_RECORDS or self._has_looked():
@@ -206,7 +207,7 @@ class NoReturnFilter:
                 laser.look()
         while held:
             record = held.popleft()
-            if isinstance(record, RangeScan):
+            if isinstance(record, RangeScan) and len(record.ranges) > 1:
                 record = self.lasers[record.mount].translated(record, beams)
             yield record
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from mapcli.errors import FormatError
-from mapcli.formats.file_kind import kind_at, kind_of
+from mapcli.formats.file_kind import kind_at, kind_of, looks_like_robot_csv
 from mapcli.formats.input import (
     MCAP_MAGIC,
     SNIFFED_BYTES,
@@ -30,16 +30,16 @@ __all__ = ["Log", "open_log"]
 
 DEFAULTS = LogOptions()
 
-EXPECTED = "an MCAP file, a ROS bag or a CARMEN log"
+EXPECTED = "an MCAP file, a ROS bag, a CARMEN log or a robot's CSV"
 
-Kind = Literal["MCAP", "ROS 1 bag", "ROS 2 bag in SQLite", "CARMEN"]
+Kind = Literal["MCAP", "ROS 1 bag", "ROS 2 bag in SQLite", "CARMEN", "CSV"]
 
 MAGICS: dict[bytes, Kind] = {
     MCAP_MAGIC: "MCAP",
     b"#ROSBAG V": "ROS 1 bag",
     b"SQLite format 3": "ROS 2 bag in SQLite",
 }
-"""First bytes of a file -> what it is. CARMEN logs are text."""
+"""First bytes of a file -> what it is. CARMEN logs and CSV are text."""
 
 PARTS = ".mcap", ".db3", ".bag", ".active"
 """Ends of the names of files of a bag in a folder; behind them may stand that of a packing."""
@@ -80,18 +80,23 @@ def open_files(sources: Sequence[Source], damage: Damage) -> list[MessageFile]:
     """The files of a recording of messages, without looking for scans in them.
 
     Raises:
-        FormatError: as of `open_log`, or a log without messages (CARMEN).
+        FormatError: as of `open_log`, or a log without messages (CARMEN, CSV).
     """
     kinds = [_kind(source) for source in sources]
-    if "CARMEN" in kinds:
-        name = sources[kinds.index("CARMEN")].name
-        raise FormatError("is a CARMEN log", file=name, expected="a log of messages")
+    for source, kind in zip(sources, kinds, strict=True):
+        if kind in ("CARMEN", "CSV"):
+            text = f"is a {kind} log"
+            raise FormatError(text, file=source.name, expected="a log of messages")
     return [_container(k)(_unpacked(s, k), damage) for s, k in zip(sources, kinds, strict=True)]
 
 
 def _open(kind: Kind, sources: Sequence[Source], options: LogOptions) -> Log:
     if kind == "CARMEN":
         return CarmenLog(sources, options)
+    if kind == "CSV":
+        from mapcli.formats.logs.csv.reader import CsvLog
+
+        return CsvLog(sources, options)
     from mapcli.formats.logs.mcap.reader import MessageLog
 
     return MessageLog(sources, options, _container(kind))
@@ -157,6 +162,8 @@ def _kind(source: Source) -> Kind:
             return kind
     if looks_like_carmen(start):
         return "CARMEN"
+    if looks_like_robot_csv(start):
+        return "CSV"
     what = "is empty"
     if start:
         with source.path.open("rb") as file:
@@ -177,7 +184,7 @@ def _start(source: Source) -> bytes:
 
 def _unpacked(source: Source, kind: Kind) -> Source:
     """All but text needs random access, so a packed file is unpacked into a temporary one."""
-    if kind == "CARMEN":
+    if kind in ("CARMEN", "CSV"):
         return source
     with source.path.open("rb") as file:
         packed = packing_of(file.read(SNIFFED_BYTES)) is not None

@@ -27,7 +27,8 @@ class LogNames(NamedTuple):
 def choose_scan_topics(
     topics: Sequence[Topic], wanted: Sequence[str], name: str, expected: str
 ) -> list[Topic]:
-    """The topics to read scans from: those named, or the only candidate.
+    """The topics to read scans from: those named, or the only candidate; without any, all range
+    sensors with one beam, which have a topic each.
 
     Args:
         wanted: names, see `LogOptions.scan_topics`.
@@ -37,6 +38,8 @@ def choose_scan_topics(
         DataError: see `Log.require_scan_topics`.
     """
     candidates = _candidates(topics, "scan")
+    if not candidates and (sensors := _candidates(topics, "range")):
+        candidates, wanted = sensors, wanted or (ALL_TOPICS,)
     if wanted and ALL_TOPICS not in wanted:
         return [_named(topics, one, name) for one in dict.fromkeys(wanted)]
     if len(candidates) == 1 or (candidates and wanted):
@@ -55,10 +58,22 @@ def choose_scan_topics(
     )
 
 
+def check_sensors(named: Sequence[str], topics: Sequence[Topic], name: str) -> None:
+    """Refuse sensors that are said to sit somewhere and are none of the topics that are read.
+
+    Raises:
+        DataError: one of them is not.
+    """
+    known = [topic.name for topic in topics]
+    if unknown := sorted(set(named).difference(known)):
+        raise DataError(f"no sensor {unknown[0]} among {', '.join(known)}", file=name)
+
+
 def _named(topics: Sequence[Topic], wanted: str, name: str) -> Topic:
-    found = _candidates(topics, "scan", wanted)
+    found = _candidates(topics, "scan", wanted) + _candidates(topics, "range", wanted)
     if len(found) != 1:
-        listed = _listed(_candidates(topics, "scan"), " among ")
+        known = _candidates(topics, "scan") + _candidates(topics, "range")
+        listed = _listed(known, " among ")
         raise DataError(f"no scan topic {wanted}{listed}", file=name)
     return found[0]
 

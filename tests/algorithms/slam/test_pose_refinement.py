@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import pytest
 from support.room import HERE, NARROW, WIDE, assert_at, look, mapped, moved, seen
 
-from mapcli.algorithms.slam import pose_refinement
 from mapcli.algorithms.slam.match import Match, MatchParameters
 from mapcli.algorithms.slam.pose_refinement import ScanInMap
 from mapcli.model.pose import Pose2D
 
 
-def test_free_space_conflicts_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_free_space_conflicts_by_hand() -> None:
     # The right wall of the room is 4.04 m ahead; a beam has passed 1.5 m ahead.
     here, ends = Pose2D(), [(4.04, 0.0), (1.5, 0.0), (4.9, 0.0)]
-    monkeypatch.setattr(pose_refinement, "MIN_POINTS", 1)
-    scan = ScanInMap(mapped(here), seen(ends), MatchParameters(refine=False))
+    scan = ScanInMap(mapped(here), seen(ends), MatchParameters(refine=False, min_hits=1))
     for pose, conflicts in (
         (here, 1),  # nothing is known beyond the wall
         (Pose2D(-0.86), 2),  # now the farthest is the wall

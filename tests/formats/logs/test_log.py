@@ -236,7 +236,7 @@ def test_settled_angles_survive_a_quaternion(angle: float) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "is empty; expected an MCAP file, a ROS bag or a CARMEN log"),
+        (b"", "is empty; expected an MCAP file, a ROS bag, a CARMEN log or a robot's CSV"),
         (b"hello\n", "is no log that mapcli knows"),
         (b"P5\n1 1\n255\n0", "is a PGM map; .*mapcli render.*; expected an MCAP file"),
         (b"#ROSBAG V2.0\n", "no range scans"),

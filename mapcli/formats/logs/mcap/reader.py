@@ -14,6 +14,7 @@ from mapcli.errors import DataError
 from mapcli.formats.logs.log import Log, Source
 from mapcli.formats.logs.losses import LOST_SCANS
 from mapcli.formats.logs.mcap.frames import zstd_start
+from mapcli.formats.logs.mcap.range_topics import RangeTopics
 from mapcli.formats.logs.message_file import MessageFile, Stream
 from mapcli.formats.logs.mounts import describe_mount
 from mapcli.formats.logs.one_recording import Spans
@@ -30,17 +31,25 @@ MAX_MESSAGE_BYTES = 1 << 28
 
 ROLES: dict[str, Role] = {
     "LaserScan": "scan",
+    "Range": "range",
     "Odometry": "odometry",
     "TFMessage": "tf",
     "tfMessage": "tf",
 }
 """Last part of a message type's name -> role of its topic."""
 
-JSON_KEYS: dict[str, Role] = {"angle_min": "scan", "child_frame_id": "odometry", "transforms": "tf"}
+JSON_KEYS: dict[str, Role] = {
+    "angle_min": "scan",
+    "radiation_type": "range",
+    "child_frame_id": "odometry",
+    "transforms": "tf",
+}
 """Key by which a JSON message without a schema is recognised -> role of its topic."""
 
 DECODERS: dict[tuple[Role, str], Callable[[Any], Any]] = {
     ("scan", "cdr"): decode.scan_from_cdr,
+    ("range", "cdr"): decode.range_from_cdr,
+    ("range", "json"): decode.range_from_json,
     ("odometry", "cdr"): decode.odometry_from_cdr,
     ("tf", "cdr"): decode.transforms_from_cdr,
     ("tf_static", "cdr"): decode.transforms_from_cdr,
@@ -49,10 +58,14 @@ DECODERS: dict[tuple[Role, str], Callable[[Any], Any]] = {
     ("tf", "json"): decode.transforms_from_json,
     ("tf_static", "json"): decode.transforms_from_json,
     ("scan", "ros1"): decode_ros1.scan_from_ros1,
+    ("range", "ros1"): decode_ros1.range_from_ros1,
     ("odometry", "ros1"): decode_ros1.odometry_from_ros1,
     ("tf", "ros1"): decode_ros1.transforms_from_ros1,
     ("tf_static", "ros1"): decode_ros1.transforms_from_ros1,
 }
+
+SCANS: tuple[Role, ...] = "scan", "range"
+"""Roles of topics whose messages are scans."""
 
 Decoded = tuple[int, Topic, Any, int]
 """Log time, topic, message or missed scans, number of the file."""
@@ -65,7 +78,7 @@ class MessageLog(Log):
         FormatError: damaged, and `strict` is set.
     """
 
-    scans_are = "a topic of sensor_msgs/msg/LaserScan"
+    scans_are = "a topic of sensor_msgs/msg/LaserScan or Range"
 
     def __init__(
         self,
@@ -83,8 +96,8 @@ class MessageLog(Log):
         return list(self._topics)
 
     def require_scan_topics(self) -> list[Topic]:
-        foreign = [t for t in self._topics if t.role == "other" and role_of_type(t.type) == "scan"]
-        if foreign and not any(topic.role == "scan" for topic in self._topics):
+        foreign = [t for t in self._topics if t.role == "other" and role_of_type(t.type) in SCANS]
+        if foreign and not any(topic.role in SCANS for topic in self._topics):
             raise DataError(
                 f"{foreign[0].name} holds {foreign[0].type} in {foreign[0].encoding}",
                 file=self.sources[0].name,
@@ -136,7 +149,7 @@ class MessageLog(Log):
             for carrier, number in self._topics[topic]
             if carrier is file
         }
-        scans = {number for number, (topic, _) in carried.items() if topic.role == "scan"}
+        scans = {number for number, (topic, _) in carried.items() if topic.role in SCANS}
         for log_time, number, data, lost in file.messages(set(carried), damage, scans):
             topic, decoder = carried[number]
             if lost:
@@ -148,7 +161,7 @@ class MessageLog(Log):
                 where = f"at {log_time / NANOSECONDS:.3f} s"
                 what = f"messages on {topic.name} without readable content"
                 damage.add(what, file=file.source.name, where=where)
-                if topic.role == "scan":
+                if topic.role in SCANS:
                     yield log_time, topic, MissedScans(what, lost=True), part
 
     def _part_spans(self) -> list[Spans]:
@@ -174,6 +187,7 @@ class MessageLog(Log):
         robot = self._known_robot(odom)
         transforms = TfOdometry(robot) if odom and odom.role == "tf" else None
         mounts: dict[str, Mount] = {}
+        sensors = RangeTopics(self, robot)
         for log_time, topic, message, part in self._messages(wanted, self.damage):
             self.part = part
             if isinstance(message, MissedScans):
@@ -186,12 +200,17 @@ class MessageLog(Log):
             stamp = self._stamp(message.stamp_ns, log_time, topic)
             if not 0 <= stamp < LATEST_STAMP_S * NANOSECONDS:
                 missed = self._impossible(stamp, topic)
-                if topic.role == "scan":
+                if topic.role in SCANS:
                     yield missed
                 continue
             self.delays[topic.name].add(log_time - stamp)
-            if topic.role != "scan":
+            if topic.role not in SCANS:
                 yield Odometry(stamp, message.pose)
+                continue
+            if topic.role == "range":
+                reading = sensors.reading(message, stamp, topic)
+                if reading is not None:
+                    yield reading
                 continue
             if message.frame not in mounts:
                 mounts[message.frame] = self._mount(robot, message.frame, topic)

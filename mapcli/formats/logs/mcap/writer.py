@@ -5,6 +5,7 @@ What a log written here holds, readable by Foxglove, `ros2 bag`, rosbags and mca
     /scan          sensor_msgs/msg/LaserScan        in the laser's frame
     /odom          nav_msgs/msg/Odometry            odom -> base_link
     /tf            tf2_msgs/msg/TFMessage           the same, so that viewers can place the scans
+    /range/NAME    sensor_msgs/msg/Range            of each range sensor with one beam
     /tf_static     tf2_msgs/msg/TFMessage           base_link -> laser, before its first scan
     /ground_truth  geometry_msgs/msg/PoseStamped    in map; never mistaken for odometry
 
@@ -24,6 +25,7 @@ from mapcli.errors import DataError
 from mapcli.formats.logs.ros import messages as ros
 from mapcli.formats.logs.topics import LogNames
 from mapcli.formats.output import output_file
+from mapcli.model.range_reading import RangeReading
 from mapcli.model.scan import (
     LATEST_STAMP_S,
     NANOSECONDS,
@@ -79,6 +81,7 @@ class McapLogWriter:
     def __init__(self, stream: BinaryIO, names: LogNames | None = None) -> None:
         self.names = names or LogNames()
         self._suffixes: dict[Mount, str] = {}
+        self._sensors: set[str] = set()
         self._channels: dict[tuple[str, str], int] = {}
         self._schemas: dict[str, int] = {}
         self._sequence: dict[int, int] = {}
@@ -102,7 +105,9 @@ class McapLogWriter:
         Raises:
             DataError: its stamp does not fit into a ROS 2 time (years 1970 to 2038).
         """
-        if isinstance(record, RangeScan):
+        if isinstance(record, RangeReading):
+            self._write_reading(record)
+        elif isinstance(record, RangeScan):
             self._write_scan(record)
         elif isinstance(record, Odometry):
             self._write_odometry(record)
@@ -164,7 +169,23 @@ class McapLogWriter:
 
     def _write_mount(self, mount: Mount, stamp_ns: int) -> None:
         suffix = self._suffixes[mount] = f"_{len(self._suffixes) + 1}" if self._suffixes else ""
-        frame = f"{self.names.laser_frame}{suffix}"
+        self._write_transform(mount, stamp_ns, f"{self.names.laser_frame}{suffix}")
+
+    def _write_reading(self, reading: RangeReading) -> None:
+        """A reading of a range sensor, on the topic that it came from, or one of its name."""
+        name = reading.sensor
+        topic = name if name.startswith("/") else f"/range/{name}"
+        frame = f"{topic.strip('/').replace('/', '_')}_link"
+        if topic not in self._sensors:
+            self._sensors.add(topic)
+            self._write_transform(reading.mount, reading.stamp_ns, frame)
+        message = ros.build(
+            ros.RANGE, ros.header(reading.stamp_ns, frame), 0, reading.field_of_view,
+            reading.range_min, reading.range_max, float(reading.ranges[0]),
+        )  # fmt: skip
+        self.message(topic, ros.RANGE, message, reading.stamp_ns)
+
+    def _write_transform(self, mount: Mount, stamp_ns: int, frame: str) -> None:
         transform = ros.transform_stamped(
             stamp_ns, self.names.base_frame, frame, mount.pose, flipped=mount.flipped
         )

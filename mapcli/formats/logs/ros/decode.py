@@ -1,4 +1,5 @@
-"""Decoding LaserScan, Odometry, PoseStamped and TFMessage, from CDR or from JSON of the same shape.
+"""Decoding LaserScan, Range, Odometry, PoseStamped and TFMessage, from CDR or from JSON of the same
+shape.
 
 Every decoder raises ValueError for bytes that do not hold its message. These messages make
 up whole logs and have not changed since ROS 2 began, so their CDR is read by hand: ten times
@@ -42,6 +43,19 @@ class LaserScan:
     range_min: float
     range_max: float
     ranges: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class RangeMessage:
+    """The fields of sensor_msgs/msg/Range that matter here, as sent. It also has a `variance` since
+    ROS 2 Iron, which comes last and is not read."""
+
+    stamp_ns: int
+    frame: str
+    field_of_view: float
+    range_min: float
+    range_max: float
+    reading: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +125,14 @@ def scan_from_cdr(data: Buffer) -> LaserScan:
     )
     ranges = np.frombuffer(body, dtype=f"{order}f4", count=n, offset=at + 32)
     return LaserScan(stamp, frame, angle_min, angle_max, increment, seconds, low, high, ranges)
+
+
+@refuses
+def range_from_cdr(data: Buffer) -> RangeMessage:
+    order, body = _opened(data)
+    stamp, frame, at = _header(order, body, 0)
+    at += 1  # the kind of radiation
+    return RangeMessage(stamp, frame, *struct.unpack_from(f"{order}4f", body, at + -at % 4))
 
 
 @refuses
@@ -193,6 +215,14 @@ def scan_from_json(data: Buffer) -> LaserScan:
     }
     number["time_increment"] = _number(message.get("time_increment", 0.0))
     return LaserScan(_json_stamp(message), _json_frame(message), **number, ranges=ranges)
+
+
+@refuses
+def range_from_json(data: Buffer) -> RangeMessage:
+    message = _object(data)
+    keys = "field_of_view", "min_range", "max_range", "range"
+    numbers = [_number(message.get(key)) for key in keys]
+    return RangeMessage(_json_stamp(message), _json_frame(message), *numbers)
 
 
 @refuses

@@ -15,6 +15,7 @@ from mapcli.formats.logs.ros.decode import (
     LaserScan,
     OdometryMessage,
     PoseMessage,
+    RangeMessage,
     Transform,
     refuses,
     stamp_of,
@@ -26,6 +27,7 @@ from mapcli.model.pose import planar_pose
 ORDER = "<"
 _STAMP = struct.Struct("<4xII")
 _SCAN = struct.Struct("<7fI")
+_RANGE = struct.Struct("<x4f")
 _POSE = struct.Struct("<7d")
 _COUNT = struct.Struct("<I")
 
@@ -36,6 +38,12 @@ def scan_from_ros1(data: Buffer) -> LaserScan:
     angle_min, angle_max, step, seconds, _, low, high, n = _SCAN.unpack_from(data, at)
     ranges = np.frombuffer(data, dtype="<f4", count=n, offset=at + _SCAN.size)
     return LaserScan(stamp, frame, angle_min, angle_max, step, seconds, low, high, ranges)
+
+
+@refuses
+def range_from_ros1(data: Buffer) -> RangeMessage:
+    stamp, frame, at = _header(data, 0)
+    return RangeMessage(stamp, frame, *_RANGE.unpack_from(data, at))
 
 
 @refuses

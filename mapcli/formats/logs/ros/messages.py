@@ -10,6 +10,7 @@ from mapcli.model.pose import Pose2D
 from mapcli.model.scan import NANOSECONDS
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
+RANGE = "sensor_msgs/msg/Range"
 ODOMETRY = "nav_msgs/msg/Odometry"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 POSE_STAMPED = "geometry_msgs/msg/PoseStamped"

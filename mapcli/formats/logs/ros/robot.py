@@ -8,7 +8,14 @@ from itertools import islice, pairwise
 
 from mapcli.errors import DataError
 from mapcli.formats.logs.ros.decode import OdometryMessage, Transform
-from mapcli.formats.logs.ros.transforms import MAX_TILT_DEG, FrameTree, is_base, is_odom, mount_of
+from mapcli.formats.logs.ros.transforms import (
+    MAX_TILT_DEG,
+    FrameTree,
+    Rigid,
+    is_base,
+    is_odom,
+    mount_of,
+)
 from mapcli.model.scan import Mount
 
 MOVING_TRANSFORMS = 5000
@@ -29,18 +36,26 @@ class Robot:
     frame: str
     odom_frame: str | None = None
 
+    def placed(self, frame: str) -> tuple[Rigid | None, str | None]:
+        """Where a sensor's frame is on the robot, None if no transform tells, and a note for the
+        user, or None."""
+        motion, remark = self.tree.lookup(self.frame, frame), None
+        if motion is None:
+            base = _first(is_base, self.tree.ancestry(frame))
+            motion = self.tree.lookup(base, frame) if base else None
+            remark = f"mount taken from {base}, as no transform leads to {self.frame!r}"
+        if motion is None or (frame == self.frame and frame not in self.tree):
+            return None, None
+        return motion, remark
+
     def mount(self, laser_frame: str) -> tuple[Mount, str | None]:
         """The mount of a laser, and a note for the user, or None.
 
         Raises:
             DataError: the laser does not look along the floor.
         """
-        motion, remark = self.tree.lookup(self.frame, laser_frame), None
+        motion, remark = self.placed(laser_frame)
         if motion is None:
-            base = _first(is_base, self.tree.ancestry(laser_frame))
-            motion = self.tree.lookup(base, laser_frame) if base else None
-            remark = f"mount taken from {base}, as no transform leads to {self.frame!r}"
-        if motion is None or (laser_frame == self.frame and laser_frame not in self.tree):
             missing = f"no transform from {self.frame!r} to {laser_frame!r}"
             if self.frame == laser_frame:
                 missing = f"no transform to {laser_frame!r}"

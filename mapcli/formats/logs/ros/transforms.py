@@ -81,10 +81,21 @@ def mount_of(robot_from_laser: Rigid) -> Mount | None:
     upwards = robot_from_laser.rotation[2, 2]
     if abs(upwards) < math.cos(math.radians(MAX_TILT_DEG)):
         return None
-    pose = robot_from_laser.pose()
-    # Composing transforms leaves rounding errors far below a micrometre.
-    placed = Pose2D(round(pose.x, 9) + 0.0, round(pose.y, 9) + 0.0, pose.theta)
-    return Mount(placed, bool(upwards < 0))
+    return Mount(_placed(robot_from_laser), bool(upwards < 0))
+
+
+def mount_of_axis(robot_from_sensor: Rigid) -> Mount | None:
+    """The mount in the plane of a sensor that looks along its x axis, however it is turned about
+    that; None if it looks up or down by more than `MAX_TILT_DEG`."""
+    if abs(robot_from_sensor.rotation[2, 0]) > math.sin(math.radians(MAX_TILT_DEG)):
+        return None
+    return Mount(_placed(robot_from_sensor))
+
+
+def _placed(motion: Rigid) -> Pose2D:
+    """In the plane. Composing transforms leaves rounding errors far below a micrometre."""
+    pose = motion.pose()
+    return Pose2D(round(pose.x, 9) + 0.0, round(pose.y, 9) + 0.0, pose.theta)
 
 
 class FrameTree:
