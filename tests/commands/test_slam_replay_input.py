@@ -108,8 +108,8 @@ def test_a_folder_that_is_no_bag(capsys: pytest.CaptureFixture[str]) -> None:
     Path("stuff").mkdir()
     assert replay("stuff") == 1
     assert complaint(capsys) == (
-        "Error: stuff: is a folder; expected an MCAP file, a ROS bag, a CARMEN log or a robot's "
-        "CSV, or a ROS 2 bag's folder"
+        "Error: stuff: is a folder without a bag's files; expected an MCAP file, a ROS bag, a "
+        "CARMEN log or a robot's CSV"
     )
 
 
