@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
+from mapcli.algorithms.exploration.exploration_parameters import ExplorationParameters
+from mapcli.algorithms.exploration.first_difference import (
+    Choice,
+    FirstDifference,
+    first_difference,
+)
+from mapcli.algorithms.exploration.never_sensed import never_sensed
 from mapcli.commands._frontier_outputs import Runs
 from mapcli.model.counting import counted
 from mapcli.model.exploration import Exploration, ExplorationSummary, FrontierCell
@@ -20,12 +29,22 @@ REASONS = {
 MOST_LISTED = 10
 
 
-def summary_lines(exploration: Exploration, strategy: str) -> list[str]:
+UNSEEN = {
+    "left": "not seen yet",
+    "at_corners": "touch open cells at corners only, so no frontier is beside them",
+    "out_of_reach": "behind obstacles",
+}
+"""Why cells of the world were never sensed, by the fields of `NeverSensed`."""
+
+
+def summary_lines(
+    exploration: Exploration, parameters: ExplorationParameters, world: GridMap
+) -> list[str]:
     """The end report of one exploration."""
     summary, robots = exploration.summary, len(exploration.robots)
     steps = counted(summary.steps, "steps") + (f" of {robots} robots" if robots > 1 else "")
     rows = [
-        ("strategy", strategy),
+        ("strategy", parameters.strategy),
         ("steps", f"{steps}, {counted(summary.time_steps, 'time steps')}"),
         ("driven", f"{counted(summary.distance_cells, 'cells')}, {summary.distance_m:,.6g} m"),
         ("known", f"{counted(summary.known_cells, 'cells')}, coverage {summary.coverage:.1%}"),
@@ -33,6 +52,9 @@ def summary_lines(exploration: Exploration, strategy: str) -> list[str]:
     ]
     if summary.unreachable:
         rows.append(("unreachable", _listed(exploration)))
+    for kind, cells in never_sensed(world, exploration, parameters.low)._asdict().items():
+        if len(cells):
+            rows.append(("never seen", f"{_cells(cells.tolist(), 'cells')} ({UNSEEN[kind]})"))
     if summary.corrected:
         rows.append(("corrected", f"{counted(summary.corrected, 'cells')} of the known map"))
     if summary.not_home:
@@ -42,19 +64,51 @@ def summary_lines(exploration: Exploration, strategy: str) -> list[str]:
 
 def _listed(exploration: Exploration) -> str:
     cells = [cell.cell for cell in exploration.frontier if cell.distance is None]
+    return _cells(cells, "frontier cells")
+
+
+def _cells(cells: Sequence[Sequence[int]], what: str) -> str:
+    """How many, and the first of them."""
     shown = " ".join(f"{row},{column}" for row, column in cells[:MOST_LISTED])
     more = f" and {len(cells) - MOST_LISTED:,} more" if len(cells) > MOST_LISTED else ""
-    return f"{counted(len(cells), 'frontier cells')}: {shown}{more}"
+    return f"{counted(len(cells), what)}: {shown}{more}"
 
 
-def comparison_lines(runs: Runs) -> list[str]:
-    """Several strategies side by side."""
+def comparison_lines(runs: Runs, world: GridMap, known: GridMap | None) -> list[str]:
+    """Several strategies side by side, and where each parts from the first."""
     head = ("strategy", "steps", "time steps", "cells driven", "m driven", "coverage")
     rows = [head, *(_comparison(p.strategy, e.summary) for p, e in runs.items())]
     widths = [max(len(row[k]) for row in rows) for k in range(len(head))]
-    return [
+    lines = [
         "  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows
     ]
+    first, *others = runs.items()
+    for other in others:
+        names = f"{first[0].strategy} and {other[0].strategy}"
+        lines += ["", *_parting(names, first_difference(world, known, first, other))]
+    return lines
+
+
+def _parting(names: str, found: FirstDifference | None) -> Iterator[str]:
+    """Why two strategies take different ways (Activity 9.2)."""
+    if found is None:
+        yield f"{names} take the same way"
+        return
+    row, column = found.origin
+    goals = " and ".join(f"{r},{c}" for r, c in found.goals)
+    yield f"{names} part at step {found.step}, from {row},{column}, to {goals}"
+    for choice in found.choices or ():
+        yield f"{choice.strategy:>12}  {_choice_text(choice)}"
+
+
+def _choice_text(choice: Choice) -> str:
+    (row, column), cell = choice.chosen.cell, choice.chosen
+    text = f"{row},{column}: distance {cell.distance}, {cell.unknown} unknown"
+    if choice.strategy in ("priority", "gain"):
+        text += f", priority {cell.priority:.4g}"
+    if choice.tied:
+        text += f"; as good as {counted(choice.tied, 'others')}, taken for its {choice.rule}"
+    return text
 
 
 def _comparison(strategy: str, summary: ExplorationSummary) -> tuple[str, ...]:

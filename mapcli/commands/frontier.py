@@ -12,7 +12,11 @@ import click
 
 from mapcli import explore
 from mapcli import plan as plan_goals
-from mapcli.algorithms.exploration.exploration_parameters import STRATEGIES, ExplorationParameters
+from mapcli.algorithms.exploration.exploration_parameters import (
+    LARGEST_SEED,
+    STRATEGIES,
+    ExplorationParameters,
+)
 from mapcli.algorithms.exploration.explore import KnownMapError
 from mapcli.algorithms.exploration.runner import is_large
 from mapcli.commands._frontier_inputs import Mission, load_mission, warn_about_known
@@ -58,7 +62,10 @@ USUAL = ExplorationParameters()
 @click.option("--strategy", "strategies", type=click.Choice(STRATEGIES), multiple=True,
               default=(USUAL.strategy,), show_default=True, help="The next goal: the nearest "
               "frontier cell; the highest p = a / d; the most cells expected to be seen per path "
-              "length. Repeat it to compare.")  # fmt: skip
+              "length; any one. Ties: the shorter path, then the smaller row, then the smaller "
+              "column. Repeat it to compare.")  # fmt: skip
+@click.option("--seed", metavar="N", type=click.IntRange(0, LARGEST_SEED - 1), default=USUAL.seed,
+              show_default=True, help="Of --strategy random.")  # fmt: skip
 @click.option("--low", type=Number(0, 1, min_open=True), default=USUAL.low, show_default=True,
               help="A known cell is open when its probability is below this.")  # fmt: skip
 @click.option("--sensor-range", metavar="CELLS", type=click.IntRange(1),
@@ -122,7 +129,7 @@ def command(
         runs[run] = explored(mission, run, plan=plan, keep_cells=keep_cells, quiet=quiet)
     written = write_outputs(outputs, runs, mission.inputs, no_clobber=no_clobber)
     if not quiet:
-        _say(runs, outputs, plan=plan)
+        _say(mission, runs, outputs, plan=plan)
     for name in written if verbose else ():
         say(f"written: {name}")
     for run, made in runs.items():
@@ -181,16 +188,16 @@ def terminal_width() -> int:
     return shutil.get_terminal_size().columns
 
 
-def _say(runs: Runs, outputs: ExploreOutputs, *, plan: bool) -> None:
+def _say(mission: Mission, runs: Runs, outputs: ExploreOutputs, *, plan: bool) -> None:
     """Summary, plan or comparison; on a terminal that gets nothing else, the map as text."""
     to_stderr = outputs.uses_stdout()
     for parameters, exploration in runs.items():
         if plan:
             lines = [f"strategy: {parameters.strategy}", *plan_lines(exploration)]
         else:
-            lines = summary_lines(exploration, parameters.strategy)
+            lines = summary_lines(exploration, parameters, mission.world)
         if not outputs.named() and sys.stdout is not None and sys.stdout.isatty():
             lines += ["", *map_text(exploration, parameters.low, terminal_width())]
         say_lines([*lines, ""] if len(runs) > 1 else lines, err=to_stderr)
     if len(runs) > 1 and not plan:
-        say_lines(comparison_lines(runs), err=to_stderr)
+        say_lines(comparison_lines(runs, mission.world, mission.known), err=to_stderr)

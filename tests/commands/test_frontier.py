@@ -51,6 +51,8 @@ def test_the_summary(capsys: pytest.CaptureFixture[str]) -> None:
         "      driven  47 cells, 47 m\n"
         "       known  124 cells, coverage 100.0%\n"
         "       ended  no frontier is left\n"
+        "  never seen  2 cells: 9,0 9,11 "
+        "(touch open cells at corners only, so no frontier is beside them)\n"
     )
 
 
@@ -123,6 +125,10 @@ def test_strategies_side_by_side(capsys: pytest.CaptureFixture[str]) -> None:
         "strategy  steps  time steps  cells driven  m driven  coverage\n"
         "nearest      28          47            47        47    100.0%\n"
         "priority     26          45            45        45    100.0%\n"
+        "\nnearest and priority part at step 4, from 2,7, to 5,5 and 6,5\n"
+        "     nearest  5,5: distance 5, 1 unknown; as good as 2 others, "
+        "taken for its smaller row\n"
+        "    priority  6,5: distance 6, 2 unknown, priority 0.3333\n"
     )
     rows = list(csv.DictReader(Path("c.csv").read_text().splitlines()))
     assert [row["strategy"] for row in rows] == ["nearest"] * 29 + ["priority"] * 27

@@ -50,6 +50,7 @@ class LiteralFrontier:
         connectivity: int = 4,
         radius: float = 0.0,
         max_steps: int | None = None,
+        seed: int = 0,
     ) -> None:
         self.rows, self.columns = world.shape
         self.low = np.float32(low)
@@ -57,6 +58,7 @@ class LiteralFrontier:
         known = np.full_like(world, np.nan) if known is None else known
         self.grid = {c: known[c] for c in self.all_cells() if not np.isnan(known[c])}
         self.sensed: set[Cell] = set()  # and stayed unknown
+        self.seed = seed
         self.strategy, self.range, self.radius = strategy, sensor_range, radius
         self.moves = STRAIGHT + (DIAGONAL if connectivity == 8 else [])
         self.max_steps = math.inf if max_steps is None else max_steps
@@ -161,6 +163,14 @@ class LiteralFrontier:
 
     # --- choice -------------------------------------------------------------------------------
 
+    def random_rank(self, cell: Cell) -> int:
+        """Drawn from the seed, the number of known cells and the cell's place on the map."""
+        prime, place = 2**31 - 1, (cell[0] + 1) * (self.columns + 2) + cell[1] + 1
+        x = (self.seed + 48271 * len(self.grid)) % prime
+        for addend in (69621 * place + 1, 16807, 40692):
+            x = (x**2 + addend) % prime
+        return 1 + x % 2**16
+
     def utility(self, cell: Cell) -> int:
         if self.strategy == "nearest":
             return 1
@@ -194,6 +204,8 @@ class LiteralFrontier:
 
         def rank(cell: Cell) -> Any:
             d = mine[cell]
+            if self.strategy == "random":
+                return (-self.random_rank(cell) if d else -math.inf, d, cell)
             value = Fraction(self.utility(cell), d) if d else math.inf
             return (-value, d, cell)
 
@@ -201,7 +213,9 @@ class LiteralFrontier:
         robot.goal, robot.kind, robot.ahead = goal, "frontier", self.path(goal, mine)
         robot.frontier_size, robot.collision = frontier_size, None
         utility = (
-            self.unknown_neighbours(goal) if self.strategy == "nearest" else self.utility(goal)
+            self.unknown_neighbours(goal)
+            if self.strategy in ("nearest", "random")
+            else self.utility(goal)
         )
         robot.priority = utility / mine[goal] if mine[goal] else None
         self.stop_before_collision(robot)

@@ -9,8 +9,11 @@ from typing import Literal, get_args
 from mapcli.errors import DataError
 from mapcli.model.grid import OCCUPIED_THRESHOLD
 
-Strategy = Literal["nearest", "priority", "gain"]
+Strategy = Literal["nearest", "priority", "gain", "random"]
 STRATEGIES: tuple[Strategy, ...] = get_args(Strategy)
+
+LARGEST_SEED = 2**31 - 1
+"""Seeds are below this prime, by which random numbers are taken modulo."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,7 @@ class ExplorationParameters:
         max_steps, max_distance: of all robots together; metres, the way home not counted.
         coverage: share of the explorable cells, see `ExplorationSummary`.
         return_home: go back to where they started.
+        seed: of the strategy `random`.
 
     Raises:
         DataError: a value outside its range.
@@ -41,6 +45,7 @@ class ExplorationParameters:
     max_distance: float | None = None
     coverage: float | None = None
     return_home: bool = False
+    seed: int = 0
 
     def __post_init__(self) -> None:
         steps, metres, share = self.max_steps, self.max_distance, self.coverage
@@ -51,6 +56,7 @@ class ExplorationParameters:
             ("robot radius", self.robot_radius, 0 <= self.robot_radius < math.inf, "0 m or more"),
             ("max steps", steps, steps is None or steps >= 0, "0 or more"),
             ("max distance", metres, metres is None or metres >= 0, "0 m or more"),
+            ("seed", self.seed, 0 <= self.seed < LARGEST_SEED, f"0 to {LARGEST_SEED - 1}"),
             ("coverage", share, share is None or 0 < share <= 1, "more than 0 and at most 1"),
         )
         for name, value, fine, expected_gain in ranges:

@@ -31,7 +31,7 @@ from mapcli.algorithms.exploration.exploration_state import (
     unknown_neighbours,
 )
 from mapcli.algorithms.exploration.field_of_view import THROUGH_OPEN, FieldOfView, visible_cells
-from mapcli.algorithms.exploration.goal_selection import NEAREST, Chooser, find_goal
+from mapcli.algorithms.exploration.goal_selection import Chooser, find_goal, shows_unknown
 from mapcli.algorithms.exploration.limits import Limits, exceeds_distance, is_held_back
 from mapcli.algorithms.exploration.path_search import PathSearch
 from mapcli.algorithms.exploration.robots import (
@@ -107,7 +107,7 @@ def choose_goals(
         if goal.cell == NOWHERE:
             continue
         assign_goal(state, planner.search, robots, trace, robot, goal)
-        if planner.chooser.strategy == NEAREST and goal.kind == FRONTIER:
+        if shows_unknown(planner.chooser) and goal.kind == FRONTIER:
             # The trace shows the priority of Sect. 9.3.3.
             robots.utility[robot] = unknown_neighbours(state, goal.cell)
         if exceeds_distance(state, limits, robots, trace, robot):

@@ -5,6 +5,7 @@ All strategies choose the largest utility / path length, the path counted in cel
     nearest    the utility of every frontier cell is 1
     priority   the number of its unknown neighbours (left, right, up, down): p = a / d
     gain       the number of cells expected to be seen from it (`field_of_view.expected_gain`)
+    random     a random number times the path length, so that any one comes next: the baseline
 
 Ties: the shorter path, then the smaller row, then the smaller column. A frontier cell under the
 robot itself, at distance 0, comes before all others.
@@ -24,8 +25,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mapcli.algorithms.exploration.exploration_parameters import LARGEST_SEED
 from mapcli.algorithms.exploration.exploration_state import (
     FRONTIER_SIZE,
+    KNOWN_CELLS,
     Cells,
     ExplorationState,
     is_on_frontier,
@@ -42,8 +45,11 @@ from mapcli.algorithms.exploration.voronoi_partition import (
     start_partition,
 )
 
-NEAREST, PRIORITY, GAIN = range(3)
+NEAREST, PRIORITY, GAIN, RANDOM = range(4)
 """The strategies."""
+
+RANKS = 2**16
+"""Random numbers; times the squared length of the longest path they still fit 64 bits."""
 
 NO_GOAL = Goal(FRONTIER, NOWHERE, 0, 0)
 
@@ -52,27 +58,34 @@ class Chooser(NamedTuple):
     """How goals are chosen.
 
     Attributes:
-        strategy: NEAREST, PRIORITY or GAIN.
+        strategy: NEAREST, PRIORITY, GAIN or RANDOM.
         max_utility: no cell that is one move or more away has more.
         seen: with GAIN, for each cell 1 + the number of cells expected to be seen when that was
             last worked out, 0 where never (int32). As the map gets known this only shrinks, so
             what it was bounds what it is.
+        seed: with RANDOM.
     """
 
     strategy: int
     max_utility: int
     seen: Cells
+    seed: int
 
 
-def make_chooser(strategy: str, state: ExplorationState, fov: FieldOfView) -> Chooser:
-    """A chooser for `nearest`, `priority` or `gain`."""
-    code = {"nearest": NEAREST, "priority": PRIORITY, "gain": GAIN}[strategy]
+def make_chooser(
+    strategy: str, state: ExplorationState, fov: FieldOfView, seed: int = 0
+) -> Chooser:
+    """A chooser for `nearest`, `priority`, `gain` or `random`."""
+    code = {"nearest": NEAREST, "priority": PRIORITY, "gain": GAIN, "random": RANDOM}[strategy]
     # Of a cell that a path leads to, one neighbour is known: the one where the path comes from.
-    max_utility = {NEAREST: 1, PRIORITY: 3, GAIN: cells_in_range(fov)}[code]
+    max_utility = {
+        NEAREST: 1, PRIORITY: 3, GAIN: cells_in_range(fov), RANDOM: RANKS * len(state.known),
+    }[code]  # fmt: skip
     return Chooser(
         code,
         max_utility,
         np.zeros(len(state.known) if code == GAIN else 0, np.int32),
+        seed,
     )
 
 
@@ -134,7 +147,7 @@ def better_goal(
 ) -> Goal:
     """A cell as the goal when it is better than the best one so far, else that one."""
     if beats(best, utility_bound(chooser, cell), moves, cell):
-        utility = utility_of(state, fov, chooser, cell)
+        utility = utility_of(state, fov, chooser, cell, moves)
         if beats(best, utility, moves, cell):
             # A sum is of the width that the other fields have, whatever that of the columns.
             return Goal(FRONTIER, 0 + cell, 0 + utility, 0 + moves)
@@ -171,8 +184,12 @@ def utility_bound(chooser: Chooser, cell: int) -> int:
     return chooser.max_utility + 1
 
 
-def utility_of(state: ExplorationState, fov: FieldOfView, chooser: Chooser, cell: int) -> int:
+def utility_of(
+    state: ExplorationState, fov: FieldOfView, chooser: Chooser, cell: int, moves: int
+) -> int:
     """What the strategy divides by the path length."""
+    if chooser.strategy == RANDOM:
+        return random_rank(chooser.seed, state.counts[KNOWN_CELLS], cell) * moves
     if chooser.strategy == NEAREST:
         return 1
     if chooser.strategy == PRIORITY:
@@ -183,7 +200,25 @@ def utility_of(state: ExplorationState, fov: FieldOfView, chooser: Chooser, cell
 
 
 def reported_utility(state: ExplorationState, fov: FieldOfView, chooser: Chooser, cell: int) -> int:
-    """The utility that people are shown: with `nearest` it is that of Sect. 9.3.3."""
-    if chooser.strategy == NEAREST:
+    """The utility that people are shown: with `nearest` and `random` that of Sect. 9.3.3."""
+    if shows_unknown(chooser):
         return unknown_neighbours(state, cell)
-    return utility_of(state, fov, chooser, cell)
+    return utility_of(state, fov, chooser, cell, 1)
+
+
+def shows_unknown(chooser: Chooser) -> bool:
+    """Whether the trace has a / d of Sect. 9.3.3 for want of a priority of the strategy's own."""
+    return chooser.strategy in (NEAREST, RANDOM)
+
+
+def random_rank(seed: int, known_cells: int, cell: int) -> int:
+    """A number from 1 to RANKS, drawn anew whenever something has become known.
+
+    Squares modulo a prime below 2^31: the same in Python's integers and in 64 bits, on every
+    machine, and without any state.
+    """
+    x = (seed + 48271 * known_cells) % LARGEST_SEED
+    x = (x * x + 69621 * cell + 1) % LARGEST_SEED
+    x = (x * x + 16807) % LARGEST_SEED
+    x = (x * x + 40692) % LARGEST_SEED
+    return 1 + x % RANKS

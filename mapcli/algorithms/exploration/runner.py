@@ -101,7 +101,9 @@ class ExplorationRun:
             self.views(path_search.make_search(self.state)),
             self.views(make_partition(self.state, len(cells))),
             self.views(fov),
-            self.views(goal_selection.make_chooser(parameters.strategy, self.state, fov)),
+            self.views(
+                goal_selection.make_chooser(parameters.strategy, self.state, fov, parameters.seed)
+            ),
             self.views(make_viewpoints(self.state)),
         )
         self.robots = self.views(make_robots(cells, at_start=known is None))

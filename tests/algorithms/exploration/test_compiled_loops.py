@@ -21,6 +21,7 @@ OPTIONS: list[dict[str, Any]] = [
     {},
     {"strategy": "priority", "connectivity": 8},
     {"strategy": "gain"},
+    {"strategy": "random", "seed": 7},
     {"strategy": "gain", "sensor_range": 6, "connectivity": 8},
     {"sensor_range": 25, "return_home": True},
     {"robot_radius": 1.2, "sensor_range": 8, "return_home": True},

@@ -22,7 +22,7 @@ HALL = GridMap(np.full((12, 12), 0.1, dtype=np.float32), resolution=0.5)
 
 OPTIONS = st.fixed_dictionaries(
     {
-        "strategy": st.sampled_from(["nearest", "priority", "gain"]),
+        "strategy": st.sampled_from(["nearest", "priority", "gain", "random"]),
         "connectivity": st.sampled_from([4, 8]),
         "sensor_range": st.sampled_from([1, 1, 2, 5]),
     }
