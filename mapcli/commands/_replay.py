@@ -18,7 +18,7 @@ from mapcli.errors import DataError
 from mapcli.formats.logs.open_log import Log
 from mapcli.model.counting import counted
 from mapcli.model.pose import Pose2D
-from mapcli.model.reason import DESCRIPTIONS, Reason, ReasonKind
+from mapcli.model.reason import DESCRIPTIONS, WRONG_THROUGHOUT, Reason, ReasonKind
 from mapcli.model.scan import RangeScan, Record
 
 FIRST_SCANS, FIRST_RECORDS = 40, 10_000
@@ -54,6 +54,8 @@ def replay_log(
     summary = replayed.summary
     told = log_reasons(log.units, run.mount.finding(), summary.duration_s)
     reasons = (*told, *summary.reasons)
+    if any(reason.kind in WRONG_THROUGHOUT for reason in told):  # not the wheels have failed
+        reasons = tuple(reason for reason in reasons if reason.kind != "wheels_failed")
     _warn(log, reasons, warned)
     seconds = time.perf_counter() - started
     summary = replace(summary, verdict=verdict_of(reasons), reasons=reasons, seconds=seconds)

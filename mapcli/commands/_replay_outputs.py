@@ -20,7 +20,7 @@ from mapcli.formats.maps.save import SUFFIXES, Pieces, map_files
 from mapcli.formats.output import output_set
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
-from mapcli.model.reason import DESCRIPTIONS, Reason
+from mapcli.model.reason import DESCRIPTIONS, WRONG_THROUGHOUT, Reason
 from mapcli.model.summary import ReplaySummary
 from mapcli.model.trace import PoseTrace
 
@@ -175,7 +175,7 @@ def _picture(grid: GridMap, trace: PoseTrace, reasons: Sequence[Reason]) -> byte
     driven = trace.trajectory()
     seconds = driven.seconds()
     since, doubtful = seconds - seconds[0], np.zeros(len(seconds), np.bool_)
-    for one in reasons:
+    for one in (reason for reason in reasons if reason.verdict != "good"):
         doubtful |= (since >= one.from_s - HALF_MS) & (since <= one.to_s + HALF_MS)
     path = RobotPath(driven.poses[:, :2], seconds, driven.poses[:, 2], doubtful)
     return floor_plan(grid, path=path)
@@ -186,7 +186,7 @@ def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> Non
     skipped = ", ".join(counted(times, reason) for reason, times in summary.skipped.items())
     score = "none" if summary.mean_score is None else f"{summary.mean_score:.2f}"
     failed = summary.odometry_faults
-    if any(reason.kind in ("laser_mirrored", "laser_turned") for reason in summary.reasons):
+    if any(reason.kind in WRONG_THROUGHOUT for reason in summary.reasons):
         failed = 0  # not the wheels did, but the laser looks the other way
     faults = f"; wheels that failed, at {counted(failed, 'scans')}" if failed else ""
     if summary.odometry_catch_ups:
@@ -215,11 +215,13 @@ def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> Non
 
 
 def _verdict_rows(summary: ReplaySummary) -> Iterator[tuple[str, str]]:
-    """The verdict, last of the report, after its reasons: one line of each kind."""
+    """The verdict, last of the report, after its reasons: one line of each kind, and of each way
+    in which wheels fail."""
     kinds: dict[str, list[Reason]] = {}
     for reason in summary.reasons:
         if reason.kind not in DESCRIPTIONS:  # these were said already
-            kinds.setdefault(reason.kind, []).append(reason)
+            kind = reason.text if reason.kind == "wheels_failed" else reason.kind
+            kinds.setdefault(kind, []).append(reason)
     for reasons in kinds.values():
         spans = [f"{one.from_s:,.0f} to {one.to_s:,.0f} s" for one in reasons]
         more = f" and {len(spans) - MOST_SPANS} more" if len(spans) > MOST_SPANS else ""

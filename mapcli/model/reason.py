@@ -23,6 +23,7 @@ ReasonKind = Literal[
     "odometry_alone",
     "sliding",
     "unconfirmed",
+    "wheels_failed",
 ]
 """`laser_mirrored`: scans turn the other way than the wheels; `laser_turned`: the laser looks
 elsewhere than the log says, backwards above all; `range_unit`, `angle_unit`: readings are no
@@ -32,10 +33,14 @@ started elsewhere in it; `walls_twice`: places passed twice do not meet; `torn`:
 taken just before and after contradict; `unjoined`: the robot was lost or carried, and came to no
 place that it knew since; `odometry_alone`: no scan fitted the map; `sliding`: scans did not tell
 how far the robot had come, along corridors above all; `unconfirmed`: a long way of which nothing
-was seen on another visit."""
+was seen on another visit; `wheels_failed`: odometry counted something else than the robot did for
+a while, which the map was made without."""
 
 DESCRIPTIONS = frozenset[ReasonKind](("laser_mirrored", "laser_turned", "range_unit", "angle_unit"))
 """Those that are faults of how the log is described, and are mended by an option."""
+
+WRONG_THROUGHOUT: tuple[ReasonKind, ...] = "laser_mirrored", "laser_turned", "odometry_wrong"
+"""Those by which wheels seem to fail all the time."""
 
 
 @dataclass(frozen=True)

@@ -98,14 +98,16 @@ class OdometryFaults:
         alternatives: the others that are followed.
         past_poses: after an alternative became active, where the robot was at the scans before the
             last, which were thought to be elsewhere.
-        faulty_scans: at how many scans odometry was wrong, as far as is known by now.
+        failures: the hypothesis that was true of each scan's motion, by its number, where odometry
+            was wrong, as far as is known by now.
     """
 
     def __init__(self) -> None:
         self.active: Hypothesis = "odometry"
         self.alternatives: dict[Hypothesis, AlternativeHypothesis] = {}
         self.past_poses: tuple[Pose2D, ...] = ()
-        self.faulty_scans = 0
+        self.failures: dict[int, Hypothesis] = {}
+        self._scan = -1  # the number of the last one
         self._counted: Pose2D | None = None
         self._inertia = Inertia()
         # Where the robot was at the scan before the last, and its motion from there.
@@ -124,6 +126,7 @@ class OdometryFaults:
         Args:
             counted: what odometry says; None if nothing, which ends all hypotheses.
         """
+        self._scan += 1
         self._step_s, self._stamp_ns = (stamp_ns - self._stamp_ns) * 1e-9, stamp_ns
         self._counted = counted
         if counted is None:
@@ -175,7 +178,10 @@ class OdometryFaults:
         self._found_motion = before.between(best.pose)
         self.past_poses = ()
         selected = self._accept(matches, MIN_SCORE_SHARE * history.running_score) or best
-        self.faulty_scans += 0 if self.active == "odometry" else 1 + len(self.past_poses)
+        for number in range(self._scan - len(self.past_poses), self._scan + 1):
+            self.failures.pop(number, None)
+            if self.active != "odometry":
+                self.failures[number] = self.active
         return selected
 
     def _follow(self, before: Pose2D, counted: Pose2D, motion: Pose2D) -> None:

@@ -17,6 +17,7 @@ from mapcli.algorithms.slam.odometry_check import odometry_reasons
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.algorithms.slam.sweep_search import SweepSearch
 from mapcli.algorithms.slam.verdict import map_reasons, verdict_of
+from mapcli.algorithms.slam.wheel_reasons import wheel_reasons
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
 from mapcli.model.log import Damage
@@ -192,7 +193,7 @@ class ReplayRun:
             loops=len(trace.loops),
             mean_score=trace.mean_score(),
             odometry_jumps=self.slam.odometry.jumps,
-            odometry_faults=self.slam.faults.faulty_scans,
+            odometry_faults=len(self.slam.faults.failures),
             odometry_catch_ups=self.slam.odometry.catch_ups,
             damage=dict(damage.counts),
             interrupted=self.interrupted,
@@ -218,6 +219,7 @@ class ReplayRun:
                 self._remedy(),
                 self.finalised.unjoined if self.finalised else (),
             ),
+            *wheel_reasons(trace.poses, self.slam.faults.failures),
         )
 
     def _remedy(self) -> str:
