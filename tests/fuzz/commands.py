@@ -22,6 +22,7 @@ from fuzz.readers import (
     PERCEPTIONS,
     PGMS,
     PNGS,
+    RELATIONS,
     TEXTS,
     TRACES,
     TRAJECTORIES,
@@ -82,8 +83,15 @@ def any_map(random: Random) -> bytes:
     return grammar(random)
 
 
+DOCUMENT = (
+    b'{"format": "mapcli.exploration-trace", "version": 1, "robots": [[1, 2]], "steps": [], '
+    b'"summary": {"coverage": 1.0, "reason": "complete"}}'
+)
 MAPS = (*TEXTS, *CELLS, IMAGE % b"map.png", *PGMS, *PNGS)
 LOGS = (*CARMEN_LOGS, *logs_of(MESSAGES))
+
+POSES = (*TRAJECTORIES, *TRACES)
+OTHERS = (*PERCEPTIONS, *PATHS, *RELATIONS, DOCUMENT)
 
 OPEN = b"0 0 0\n? 0 0\n1 0 ?\n"
 """A map with room for a robot in its first cell."""
@@ -91,6 +99,16 @@ OPEN = b"0 0 0\n? 0 0\n1 0 ?\n"
 COMMANDS = (
     Reader("info on a map", "", MAPS, any_map, command("info IN --json -")),
     Reader("info on a log", ".log", LOGS, log_grammar, command("info IN")),
+    Reader("info on a trace", "", POSES, text_grammars.trajectory, command("info IN --json -")),
+    Reader("info on other files", "", OTHERS, text_grammars.perception, command("info IN")),
+    Reader("convert a trace", "", POSES, text_grammars.trace, command("convert IN OUT/trace.json")),
+    Reader("convert a trace to g2o", "", POSES, text_grammars.trace,
+           command("convert IN OUT/trace.g2o")),
+    Reader("render a trace", "", POSES, text_grammars.trajectory,
+           command("render BESIDE/corner.txt --trace IN --png OUT/map.png")),
+    Reader("simulate along a trace", "", POSES, text_grammars.trajectory,
+           command("simulate --odom-rate 0.001 --scan-rate 0.001 BESIDE/landmarks-map.yaml --path IN "
+                   "OUT/log.mcap")),
     Reader("convert", "", MAPS, any_map, command("convert IN OUT/map.yaml")),
     Reader("convert to text", "", MAPS, any_map, command("convert IN OUT/map.txt --dialect ros1")),
     Reader("transform", "", MAPS, any_map, command("transform --rotate 30 IN OUT/turned.yaml")),
