@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import click
 import pytest
-from conftest import run
+from conftest import FIXTURES, run
 
 from mapcli import __version__
 from mapcli.cli import COMMANDS, cli
@@ -107,6 +107,12 @@ def test_an_option_before_the_command(capsys: pytest.CaptureFixture[str]) -> Non
     assert capsys.readouterr().err.endswith(hint)
     assert run("--frobnicate", "slam-replay", "a.mcap") == 2
     assert "after the command" not in capsys.readouterr().err
+
+
+def test_a_file_in_the_place_of_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(FIXTURES / "corridor.mcap") == 2
+    hint = "It is an MCAP log; make a map of it with mapcli slam-replay.\n"
+    assert capsys.readouterr().err.endswith(hint)
 
 
 def test_without_a_command_the_help_is_printed(capsys: pytest.CaptureFixture[str]) -> None:

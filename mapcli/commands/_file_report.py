@@ -36,14 +36,18 @@ def file_report(file: str, kind: FileKind) -> tuple[list[str], dict[str, Any]]:
 
 def _use(kind: FileKind) -> str:
     """What to do with it, after this."""
-    if kind.role is Role.DOCUMENT:
+    if kind.role is Role.DOCUMENT and not kind.advice:
         name = kind.name.split()[1].removeprefix("mapcli.")
         return f"mapcli schema {name} says what its fields mean"
     return kind.advice or kind.role.value
 
 
 def _document(data: bytes, file: str) -> Facts:
-    """Every number and word of a document and of its summary; of a list, how many are in it."""
+    """Every number and word of a document and of its summary; of a list, how many are in it. Of a
+    table in CSV, how large it is."""
+    if data.lstrip()[:1] not in (b"{", b"["):
+        lines = data.splitlines()
+        return {"columns": lines[0].count(b",") + 1, "rows": len(lines) - 1}
     try:
         content = json.loads(data)
     except (ValueError, RecursionError) as error:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import os
 from collections.abc import Iterable
+
+from mapcli.formats.file_kind import kind_at
 
 MEANT = {
     "map": "slam-replay", "mapping": "slam-replay", "localize": "slam-replay",
@@ -17,6 +20,9 @@ MEANT = {
 
 def hint_for_command(word: str, commands: Iterable[str]) -> str:
     """A sentence, with a blank before it, or nothing."""
+    if os.path.exists(word):
+        kind = kind_at(word)
+        return f" It is {kind}." if kind else " It is a file; mapcli info says what is in it."
     meant = meant_by(word.lower().replace("_", "-"), list(commands))
     return f" Did you mean {meant!r}?" if meant else ""
 

@@ -9,55 +9,23 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from enum import Enum
-from itertools import pairwise
-from math import hypot
 from pathlib import Path
 
 from mapcli.errors import FormatError
-from mapcli.formats.input import SNIFFED_BYTES, first_bytes
+from mapcli.formats.file_role import FileKind, Role
+from mapcli.formats.input import first_bytes
 from mapcli.formats.packed import packing_of, unpacked_start
+from mapcli.formats.text_kind import kind_of_text
+
+__all__ = ["DRAWN", "PICTURE_MARK", "FileKind", "Role", "expecting", "kind_at", "kind_of"]
 
 
-class Role(Enum):
-    """What a file is good for; the value says which command reads it."""
-
-    LOG = "make a map of it with mapcli slam-replay"
-    MAP = "draw it with mapcli render, or go on with it with mapcli slam-replay LOG --known"
-    WORLD = "make a grid map of it with mapcli rasterize"
-    TRACE = "draw it with mapcli render MAP --trace, compare it with mapcli evaluate"
-    RELATIONS = "hold a trace against it with mapcli evaluate"
-    PERCEPTION = "compare it with a map with mapcli similarity-table"
-    WAYPOINTS = "have a robot drive along it with mapcli simulate --path"
-    DOCUMENT = "see what is in it with mapcli info"
-    PICTURE = "mapcli reads PNG and PGM, as maps"
-    ARCHIVE = "unpack it first"
-    OTHER = "mapcli does not read it"
-
-
-@dataclass(frozen=True)
-class FileKind:
-    """What a file is.
-
-    Attributes:
-        name: with its article, for people: "an MCAP log".
-        role: what it is good for.
-        advice: what to do with it, when that is not what the role says.
-    """
-
-    name: str
-    role: Role
-    advice: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.name}; {self.advice or self.role.value}"
-
+SQLITE = b"SQLite format 3"
 
 MAGIC = (
     (b"\x89MCAP0", FileKind("an MCAP log", Role.LOG)),
     (b"#ROSBAG V", FileKind("a ROS 1 bag", Role.LOG)),
-    (b"SQLite format 3", FileKind("a ROS 2 bag in SQLite", Role.LOG)),
+    (SQLITE, FileKind("a ROS 2 bag in SQLite", Role.LOG)),
     (b"P2", FileKind("a PGM map", Role.MAP)),
     (b"P5", FileKind("a PGM map", Role.MAP)),
     (b"\x89PNG", FileKind("a PNG image", Role.MAP)),
@@ -84,40 +52,8 @@ DRAWN = FileKind("a picture that mapcli drew", Role.PICTURE, "name the map that 
 TAR_AT = 257
 """Where a tar archive says `ustar`."""
 
-WEB_PAGE = FileKind("a web page", Role.OTHER, "download the file itself")
-DRAWING = FileKind("an SVG drawing", Role.OTHER)
-
-CARMEN = re.compile(
-    rb"^(ODOM|[FR]LASER|OLDLASER|(ROBOT|RAW)LASER\d|TRUEPOS|PARAM|SYNC|SONAR|NMEA\w+) ", re.M
-)
-DOCUMENT = re.compile(rb'"format"\s*:\s*"mapcli\.([a-z-]+)"')
-KEY = re.compile(rb"^[\"']?(\w+)[\"']?\s*:", re.M)
-KEY_IN_BRACES = re.compile(rb"[{,]\s*[\"']?(\w+)[\"']?\s*:")
-PERCEPTION = re.compile(rb"\bkind[\"']?\s*:\s*[\"']?(scan|grids|landmarks|database)\b")
-
-YAML_KINDS = (
-    ({b"rosbag2_bagfile_information"}, FileKind(
-        "the metadata of a ROS 2 bag", Role.OTHER, "name its folder to mapcli slam-replay")),
-    ({b"image", b"cells"}, FileKind("a YAML map", Role.MAP)),
-    ({b"polygons", b"points"}, FileKind("a continuous map", Role.WORLD)),
-    ({b"waypoints"}, FileKind("a list of waypoints", Role.WAYPOINTS)),
-)  # fmt: skip
-"""Keys of which a file of the kind has one."""
-
-TRACE_SUFFIXES = {".tum": "TUM", ".kitti": "KITTI", ".g2o": "g2o", ".csv": "CSV"}
-
-POSE_COLUMNS = {"t", "x", "y", "theta"}
-"""Of a CSV log of a robot; the others are its sensors."""
-
-TRACE_COLUMNS = POSE_COLUMNS | {"stamp_ns", "odom_x", "odom_y", "odom_theta", "score", "status"}
-"""Of a trace; whatever has others is none."""
-
-COLUMN = re.compile(r"[^\W\d][\w. \[\]-]*")
-"""The name of a column."""
-
-LINES_LOOKED_AT = 20
-
-Rows = list[list[float]]
+PART = re.compile(r"\.(mcap|db3|bag|active)(\.(zstd|zst|gz|bz2|xz|lz4))?$", re.IGNORECASE)
+"""Ends of the names of a bag's files."""
 
 
 @contextmanager
@@ -159,6 +95,8 @@ def kind_of(start: bytes, name: str = "") -> FileKind | None:
         return _packed(packing.name, kind_of(unpacked_start(start), Path(name).stem))
     if start.startswith(b"\x89PNG") and PICTURE_MARK.encode() in start:
         return DRAWN
+    if start.startswith(SQLITE) and b"CREATE TABLE" in start.upper() and b"topics" not in start:
+        return FileKind("an SQLite database, and no ROS 2 bag", Role.OTHER)
     for magic, kind in MAGIC:
         if start.startswith(magic):
             return kind
@@ -166,7 +104,7 @@ def kind_of(start: bytes, name: str = "") -> FileKind | None:
         return FileKind("a tar archive", Role.ARCHIVE)
     if not start.strip() or b"\0" in start:
         return None
-    return _kind_of_text(start.removeprefix(b"\xef\xbb\xbf"), name)
+    return kind_of_text(start.removeprefix(b"\xef\xbb\xbf"), name)
 
 
 def _packed(packing: str, kind: FileKind | None) -> FileKind:
@@ -180,111 +118,17 @@ def _packed(packing: str, kind: FileKind | None) -> FileKind:
 
 def _kind_of_folder(folder: Path) -> FileKind | None:
     names = {path.name for path in folder.iterdir()}
-    if any(name.endswith((".mcap", ".db3", ".bag")) for name in names):
+    if _has_bag(folder):
         return FileKind("a folder with a bag", Role.LOG)
     if {"map.yaml", "trace.json"} <= names:
         return FileKind("a folder of mapcli slam-replay", Role.OTHER, "name map.yaml in it")
+    bags = [inner.name for inner in sorted(folder.iterdir()) if inner.is_dir() and _has_bag(inner)]
+    if bags:
+        return FileKind(
+            "a folder of folders with bags", Role.OTHER, f"name one of them, such as {bags[0]}"
+        )
     return None
 
 
-def _kind_of_text(start: bytes, name: str) -> FileKind | None:
-    head = start[:500].lstrip().lower()
-    if head.startswith((b"<!doctype html", b"<html")):
-        return WEB_PAGE
-    if head.startswith(b"<") and b"<svg" in head:
-        return DRAWING
-    if CARMEN.search(start.replace(b"\r", b"\n")):
-        return FileKind("a CARMEN log", Role.LOG)
-    if found := DOCUMENT.search(start[:1000]):
-        form = found[1].decode()
-        if form == "pose-trace":
-            return FileKind("a pose trace", Role.TRACE)
-        return FileKind(f"a mapcli.{form} document", Role.DOCUMENT)
-    return _kind_of_yaml(start) or _kind_of_lines(start, name)
-
-
-def _kind_of_yaml(start: bytes) -> FileKind | None:
-    """YAML, or the same as JSON, by its keys."""
-    keys = set((KEY_IN_BRACES if start.lstrip().startswith(b"{") else KEY).findall(start))
-    if b"kind" in keys and PERCEPTION.search(start):
-        return FileKind("a perception", Role.PERCEPTION)
-    return next((kind for own, kind in YAML_KINDS if keys & own), None)
-
-
-def _kind_of_lines(start: bytes, name: str) -> FileKind | None:
-    """Text in columns. The last line may be cut off, so it is not looked at unless it is alone."""
-    text = start.decode("utf-8", "replace")
-    lines = [words for line in text.splitlines() if (words := line.partition("#")[0].strip())]
-    whole = (lines[:-1] if len(start) >= SNIFFED_BYTES else lines)[:LINES_LOOKED_AT]
-    if any(line.startswith("VERTEX_SE") for line in whole):
-        return FileKind("a g2o trace", Role.TRACE)
-    if looks_like_robot_csv(start):
-        return FileKind("a CSV log of a robot", Role.LOG)
-    if whole and {"x", "y", "theta"} <= {word.strip() for word in whole[0].split(",")}:
-        return FileKind("a CSV trace", Role.TRACE)
-    suffix = Path(name).suffix.lower()
-    if suffix in TRACE_SUFFIXES and (rows := _numbers(whole)):
-        return FileKind(f"a {TRACE_SUFFIXES[suffix]} trace", Role.TRACE) if rows else None
-    if suffix == ".relations":
-        return FileKind("a file of relations", Role.RELATIONS)
-    return _kind_of_columns(whole) or _map_of_characters(text)
-
-
-def looks_like_robot_csv(start: bytes) -> bool:
-    """Whether a file begins with a head line of columns, of which some are readings of sensors, and
-    most of `t,x,y,theta` are there. What is missing is said by the reader."""
-    text = start.removeprefix(b"\xef\xbb\xbf").decode("utf-8", "replace")
-    lines = (line.partition("#")[0].strip() for line in text.splitlines())
-    columns = {word.strip().strip('"').strip() for word in next(filter(None, lines), "").split(",")}
-    is_named = all(COLUMN.fullmatch(word) for word in columns)
-    return is_named and len(columns & POSE_COLUMNS) > 1 and bool(columns - TRACE_COLUMNS)
-
-
-def _kind_of_columns(lines: list[str]) -> FileKind | None:
-    """Numbers in columns. A map has probabilities only; other columns hardly ever do."""
-    content = [line for line in lines if ":" not in line]
-    rows = _numbers([line.replace("?", "0.5") for line in content])
-    if not rows or len({len(row) for row in rows}) > 1:
-        return _waypoints(content)
-    width = len(rows[0])
-    if width == 12 and all(map(_is_pose_matrix, rows)):
-        return FileKind("a KITTI trace", Role.TRACE)
-    if all(0 <= number <= 1 for row in rows for number in row):
-        return FileKind("a text map", Role.MAP)
-    in_order = all(a[0] <= b[0] for a, b in pairwise(rows))
-    if width == 8 and in_order and all(abs(hypot(*row[4:]) - 1) < 1e-2 for row in rows):
-        return FileKind("a TUM trace", Role.TRACE)
-    if width == 4 and in_order:
-        return FileKind("a trace of `t x y theta`", Role.TRACE)
-    return _waypoints(content)
-
-
-def _is_pose_matrix(row: list[float]) -> bool:
-    """Whether the left 3 x 3 of a 3 x 4 has columns of length 1."""
-    return all(abs(hypot(*row[k::4]) - 1) < 1e-2 for k in range(3))
-
-
-def _waypoints(lines: list[str]) -> FileKind | None:
-    """`X Y [back] [speed=M/S] [pause=S]`."""
-    words = [line.replace(",", " ").split() for line in lines]
-    tails = {word.partition("=")[0] for line in words for word in line[2:]}
-    is_path = words and min(map(len, words)) > 1 and tails <= {"back", "speed", "pause"}
-    if is_path and _numbers([" ".join(line[:2]) for line in words]):
-        return FileKind("a list of waypoints", Role.WAYPOINTS)
-    return None
-
-
-def _numbers(lines: list[str]) -> Rows | None:
-    """The numbers of all lines, split at blanks or commas; None if something is none."""
-    try:
-        return [[float(word) for word in line.replace(",", " ").split()] for line in lines]
-    except ValueError:
-        return None
-
-
-def _map_of_characters(text: str) -> FileKind | None:
-    """A map of `#`, `.` and `?`."""
-    lines = [line.strip() for line in text.splitlines() if line.strip()]
-    if any(re.fullmatch(r"[#.?]{2,}", line) for line in lines[:LINES_LOOKED_AT]):
-        return FileKind("a text map", Role.MAP)
-    return None
+def _has_bag(folder: Path) -> bool:
+    return any(PART.search(path.name) for path in folder.iterdir())

@@ -105,6 +105,12 @@ def test_an_exploration(capsys: Capture) -> None:
     assert "mapcli schema exploration-trace says what its fields" in capsys.readouterr().out
 
 
+def test_tables_in_csv() -> None:
+    assert run("frontier", FIXTURES / "corner.txt", "--robot", "5,6", "-q", "--curve", "c.csv") == 0
+    found = facts("c.csv")
+    assert (found["kind"], found["facts"]["columns"]) == ("a coverage curve in CSV", 7)
+
+
 @pytest.mark.parametrize(
     ("file", "wanted"),
     [

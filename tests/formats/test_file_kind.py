@@ -21,6 +21,9 @@ KINDS = {
     "an MCAP log": MCAP,
     "a ROS 1 bag": b"#ROSBAG V2.0\n\x00",
     "a ROS 2 bag in SQLite": b"SQLite format 3\0\x10",
+    "an SQLite database, and no ROS 2 bag": b"SQLite format 3\0CREATE TABLE people(id)",
+    "a coverage curve in CSV": b"strategy,step,time_steps\nnearest,0,0\n",
+    "a similarity table in CSV": b"position\\turn_deg,0,-15,15\nintended,47,59,43\n",
     "a CARMEN log": b"# CARMEN Logfile\nPARAM robot_length 0.5 0 h 0\n",
     "a PGM map": b"P5 2 2 255\n\0\0\0\0",
     "a PNG image": b"\x89PNG\r\n\x1a\n\0",
@@ -100,6 +103,12 @@ def test_folders(tmp_path: Path) -> None:
     (tmp_path / "map.yaml").touch()
     (tmp_path / "trace.json").touch()
     assert "name map.yaml in it" in str(kind_at(tmp_path))
+    inner = tmp_path / "inner"
+    for folder in (inner, inner / "bag 1", inner / "bag 2"):
+        folder.mkdir()
+    assert kind_at(inner) is None
+    (inner / "bag 2" / "rec.db3.zstd").touch()
+    assert "name one of them, such as bag 2" in str(kind_at(inner))
     (tmp_path / "bag_0.db3").touch()
     assert str(kind_at(tmp_path)) == "a folder with a bag; make a map of it with mapcli slam-replay"
 

@@ -107,8 +107,8 @@ COMMANDS = (
     Reader("render a trace", "", POSES, text_grammars.trajectory,
            command("render BESIDE/corner.txt --trace IN --png OUT/map.png")),
     Reader("simulate along a trace", "", POSES, text_grammars.trajectory,
-           command("simulate --odom-rate 0.001 --scan-rate 0.001 BESIDE/landmarks-map.yaml --path IN "
-                   "OUT/log.mcap")),
+           command("simulate --odom-rate 0.001 --scan-rate 0.001 BESIDE/landmarks-map.yaml "
+                   "OUT/log.mcap --path IN")),
     Reader("convert", "", MAPS, any_map, command("convert IN OUT/map.yaml")),
     Reader("convert to text", "", MAPS, any_map, command("convert IN OUT/map.txt --dialect ros1")),
     Reader("transform", "", MAPS, any_map, command("transform --rotate 30 IN OUT/turned.yaml")),

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from mapcli.errors import FormatError
-from mapcli.formats.file_kind import kind_at, kind_of, looks_like_robot_csv
+from mapcli.formats.file_kind import kind_at, kind_of
 from mapcli.formats.input import (
     MCAP_MAGIC,
     SNIFFED_BYTES,
@@ -24,6 +24,7 @@ from mapcli.formats.logs.carmen_lines import looks_like_carmen
 from mapcli.formats.logs.log import Log, Source
 from mapcli.formats.logs.message_file import MessageFile
 from mapcli.formats.packed import packing_of
+from mapcli.formats.text_kind import looks_like_robot_csv
 from mapcli.model.log import Damage, LogOptions
 
 __all__ = ["Log", "open_log"]

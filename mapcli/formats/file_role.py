@@ -1,0 +1,40 @@
+"""What files are good for, and what they are called."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Role(Enum):
+    """What a file is good for; the value says which command reads it."""
+
+    LOG = "make a map of it with mapcli slam-replay"
+    MAP = "draw it with mapcli render, or go on with it with mapcli slam-replay LOG --known"
+    WORLD = "make a grid map of it with mapcli rasterize"
+    TRACE = "draw it with mapcli render MAP --trace, compare it with mapcli evaluate"
+    RELATIONS = "hold a trace against it with mapcli evaluate"
+    PERCEPTION = "compare it with a map with mapcli similarity-table"
+    WAYPOINTS = "have a robot drive along it with mapcli simulate --path"
+    DOCUMENT = "see what is in it with mapcli info"
+    PICTURE = "mapcli reads PNG and PGM, as maps"
+    ARCHIVE = "unpack it first"
+    OTHER = "mapcli does not read it"
+
+
+@dataclass(frozen=True)
+class FileKind:
+    """What a file is.
+
+    Attributes:
+        name: with its article, for people: "an MCAP log".
+        role: what it is good for.
+        advice: what to do with it, when that is not what the role says.
+    """
+
+    name: str
+    role: Role
+    advice: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name}; {self.advice or self.role.value}"
