@@ -1,7 +1,8 @@
 """A small map as the book draws it (Figs. 9.4 to 9.10).
 
 Cells with their probabilities and `?`, obstacles grey, the robot's cell blue, its path with blue
-arrows, and small red squares along the boundary between the frontier and the unknown cells.
+arrows, its start in a ring, and small red squares along the boundary between the frontier and the
+unknown cells; rows and columns numbered as in Fig. 9.10.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from mapcli.pictures.drawing import (
     arrow_head,
     draw_line,
     draw_polygon,
+    draw_text,
     font,
 )
 
@@ -38,6 +40,9 @@ USUAL_SIDE = 1200
 SMALLEST_CELL, LARGEST_CELL = 12, 72
 SMALLEST_LABELLED_CELL = 26
 """Pixels of a cell."""
+
+BESIDE_LABELS = 0.34
+"""By how much of a cell a path runs below and to the right of the middles, where numbers are."""
 
 _EDGES = {(-1, 0): (0, 0, 1, 0), (1, 0): (0, 1, 1, 1), (0, -1): (0, 0, 0, 1), (0, 1): (1, 0, 1, 1)}
 """Neighbour (row, column) -> the edge shared with it: x0, y0, x1, y1 in cells."""
@@ -65,7 +70,8 @@ def book_image(
 
     Args:
         grid: the map.
-        labels: print probabilities and `?`; without them unknown cells are light grey.
+        labels: print probabilities and `?`, and number rows and columns; without them unknown
+            cells are light grey.
         frontier: frontier cells, shape (rows, columns); their edges to unknown cells are marked.
         robots: cells of the robots.
         path: (row, column) of the cells passed, in order; fractions are allowed.
@@ -78,9 +84,10 @@ def book_image(
     if frontier is not None:
         _mark_frontier(image, grid, frontier, size, margin)
     if len(path) > 1:
-        image = _draw_path(image, path, size, margin)
+        image = _draw_path(image, path, size, margin, BESIDE_LABELS if labels else 0.0)
     if labels:
         _write_cells(image, grid, size, margin)
+        _number_sides(image, grid, size, margin)
     return image
 
 
@@ -132,11 +139,24 @@ def _write_cells(image: Image.Image, grid: GridMap, size: int, margin: int) -> N
         image.paste(stamp, (left, top), mask)
 
 
+def _number_sides(image: Image.Image, grid: GridMap, size: int, margin: int) -> None:
+    """The numbers of the rows at the left, of the columns below."""
+    letters, middle = max(round(size * 0.24), 7), margin / 2
+    for row in range(grid.rows):
+        y = margin + (row + 0.5) * size
+        draw_text(image, (middle, y), str(row), letters, fill=FAINT_INK, halo=None)
+    for column in range(grid.columns):
+        x = margin + (column + 0.5) * size
+        below = image.height - middle
+        draw_text(image, (x, below), str(column), letters, fill=FAINT_INK, halo=None)
+
+
 def _label_stamp(text: str, size: int, halo: Any) -> tuple[Image.Image, Image.Image]:
     """Letters in the middle of a cell, and where they and their halo cover it."""
     stamp, mask = Image.new("RGB", (size, size), halo), Image.new("L", (size, size))
     ink = FAINT_INK if text == "?" else INK
-    options: dict[str, Any] = {"font": font(max(round(size * 0.34), 8)), "anchor": "mm"}
+    height = 0.34 if len(text) < 4 else 0.26
+    options: dict[str, Any] = {"font": font(max(round(size * height), 8)), "anchor": "mm"}
     ImageDraw.Draw(stamp).text((size / 2, size / 2), text, fill=ink, **options)
     halo_width = max(size // 24, 1)
     ImageDraw.Draw(mask).text(
@@ -173,16 +193,23 @@ def _mark_frontier(
 
 
 def _draw_path(
-    image: Image.Image, path: Sequence[tuple[float, float]], size: int, margin: int
+    image: Image.Image, path: Sequence[tuple[float, float]], size: int, margin: int, aside: float
 ) -> Image.Image:
-    """The path through the cells' middles, with an arrow head at each turn and at the end."""
+    """The path, with an arrow head at each turn and at the end, and a ring where it starts.
+
+    Args:
+        aside: how far below and to the right of the cells' middles it runs, in cells.
+    """
     cells = np.asarray(path, dtype=np.float64)
-    points = (cells[:, ::-1] + 0.5) * size + margin
+    points = (cells[:, ::-1] + 0.5 + aside) * size + margin
     pixels = np.array(image)
     draw_line(
         pixels, points, np.tile(np.array(BLUE, dtype=np.float64), (len(points), 1)), size / 30
     )
     image = Image.fromarray(pixels)
+    x, y = (cells[0, ::-1] + 0.5) * size + margin
+    ring = (x - 0.4 * size, y - 0.4 * size, x + 0.4 * size, y + 0.4 * size)
+    ImageDraw.Draw(image).ellipse(ring, outline=BLUE, width=max(round(size / 24), 1))
     steps = np.diff(points, axis=0)
     for k, (dx, dy) in enumerate(steps):
         last = k == len(steps) - 1

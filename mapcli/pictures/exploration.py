@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 
 from mapcli.model.exploration import Exploration
 from mapcli.model.grid import GridMap
-from mapcli.pictures.book_figure import cell_size
+from mapcli.pictures.book_figure import BESIDE_LABELS, cell_size
 from mapcli.pictures.drawing import (
     BLUE,
     FAINT_INK,
@@ -120,7 +120,7 @@ def draw_paths(
     margin = (image.width - grid.columns * size) / 2
     pixels = np.array(image)
     for robot, path in enumerate(paths):
-        aside = 0.08 * (robot - (len(paths) - 1) / 2)
+        aside = BESIDE_LABELS + 0.08 * (robot - (len(paths) - 1) / 2)
         points = (path[:, ::-1].astype(np.float64) + 0.5 + aside) * size + margin
         draw_line(pixels, points, colours_of(robot, len(points)), size / 30)
     image = Image.fromarray(pixels)

@@ -13,6 +13,7 @@ from conftest import FIXTURES, run
 
 from mapcli import GridMap, load_map
 from mapcli.algorithms.maps.rasterize import covered_cells_listed
+from mapcli.algorithms.maps.threshold import binary_map
 
 FIGURE = FIXTURES / "fig9_1.yaml"
 
@@ -39,6 +40,12 @@ def test_fig_9_1(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert solid_cells(load_map(out).grid) == BOOK_CELLS
     assert run(*arguments, "0.5") == 0  # the majority rule
     assert solid_cells(load_map(out).grid) == BOOK_CELLS - {(5, 3)}
+
+
+def test_fig_9_2_has_the_object_of_fig_9_1a() -> None:
+    grid = load_map(FIXTURES / "fig9_2.txt").grid
+    assert solid_cells(binary_map(grid, 0.7)) == BOOK_CELLS
+    assert solid_cells(binary_map(grid, 0.5)) > BOOK_CELLS
 
 
 def test_commands_and_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import run
+from conftest import FIXTURES, run
 from PIL import Image
 
 from mapcli import GridMap, Pose2D
 from mapcli.formats.maps.save import dump_map
-from mapcli.pictures.drawing import RED
+from mapcli.pictures.book_figure import OBSTACLE, book_image
+from mapcli.pictures.continuous_map import MARGIN
+from mapcli.pictures.drawing import BLUE, RED, WHITE
 
 
 @pytest.fixture(autouse=True)
@@ -175,3 +177,59 @@ def test_no_clobber(capsys: pytest.CaptureFixture[str]) -> None:
     Path("x.png").write_text("mine")
     assert render("book.txt", "--png", "x.png", "--no-clobber") == 1
     assert Path("x.png").read_text() == "mine"
+
+
+def test_fig_9_1b_is_drawn_from_its_polygon() -> None:
+    assert render(str(FIXTURES / "fig9_1.yaml"), "--png", "b.png", "--box", "0,0,8,8") == 0
+    with Image.open("b.png") as image:
+        side = (image.width - 2 * MARGIN) / 8
+
+        def at(x: float, y: float) -> tuple[int, ...]:
+            """The colour at a point of the figure, y down."""
+            pixel = image.getpixel((round(MARGIN + x * side), round(MARGIN + y * side)))
+            assert isinstance(pixel, tuple)
+            return pixel
+
+        assert image.width == image.height
+        # Between (6, 3) and (3, 7) the edge passes (4.5, 5).
+        assert at(4.7, 5.2) == at(5.9, 3.5) == at(3.3, 6.9) == OBSTACLE
+        assert at(4.3, 4.8) == at(2.5, 6.5) == at(6.3, 5.5) == WHITE
+
+
+def test_points_and_whole_worlds_are_drawn() -> None:
+    assert render(str(FIXTURES / "landmarks-map.yaml"), "--png", "points.png") == 0
+    assert BLUE in colours("points.png")
+    assert render(str(FIXTURES / "apartment.yaml"), "--png", "plan.png") == 0
+    assert OBSTACLE in colours("plan.png")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--labels"], "--labels is for maps of cells"),
+        (["--robot", "0,0"], "--robot is for maps of cells"),
+        (["--box", "1,1,1,2"], "--box has no area"),
+    ],
+)
+def test_what_polygons_do_not_have(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert render(str(FIXTURES / "fig9_1.yaml"), "--png", "x.png", *arguments) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_box_is_for_polygons(capsys: pytest.CaptureFixture[str]) -> None:
+    assert render("book.txt", "--png", "x.png", "--box", "0,0,1,1") == 2
+    assert "--box is for polygons" in capsys.readouterr().err
+
+
+def test_the_start_is_in_a_ring_and_numbers_are_not_struck_through() -> None:
+    grid = GridMap(np.full((3, 4), 0.1, np.float32))
+    plain = np.asarray(book_image(grid, scale=60))
+    drawn = np.asarray(book_image(grid, path=[(0, 0), (0, 1), (1, 1), (1, 2)], scale=60))
+    for row, column in [(0, 0), (0, 1), (1, 1), (1, 2)]:
+        left, top = 20 + 60 * column, 20 + 60 * row
+        number = slice(top + 20, top + 40), slice(left + 15, left + 45)
+        assert (plain[number] == drawn[number]).all()
+    ring = 20 + 30, 20 + 30 - 24  # x, y above the middle of the first cell
+    assert tuple(drawn[ring[1], ring[0]]) == BLUE
