@@ -63,7 +63,9 @@ def plan_image(
     window = window_of(grid, None if path is None else path.points, scale=scale)
     layout = PlanLayout.of(window)
     marks = _metre_marks(window)
-    image, window = _sheet(window, layout, marks, title=bool(title), caption=bool(caption))
+    is_doubtful = path is not None and path.doubtful is not None and bool(path.doubtful.any())
+    lines = 4 + LEGEND_LINES * is_doubtful + 2 * bool(caption)
+    image, window = _sheet(window, layout, marks, title=bool(title), lines=lines)
     pixels = map_pixels(window)
     _metre_lines(pixels, marks)
     if frontier is not None:
@@ -73,6 +75,8 @@ def plan_image(
     if path is not None and len(path.points):
         image = draw_path(image, window, layout, path)
         _time_bar(image, window, layout, path.duration)
+        if is_doubtful:
+            _doubtful_line(image, window, layout)
     for marker in markers:
         _pin(image, window, layout, marker)
     _scale_bar(image, window, layout)
@@ -80,19 +84,22 @@ def plan_image(
     return image
 
 
+LEGEND_LINES = 1.6
+"""Lines of letters that a line of the legend takes."""
+
 Marks = list[tuple[str, float]]
 """Metres as text, and their pixel along an edge of the plan."""
 
 
 def _sheet(
-    window: MapWindow, layout: PlanLayout, marks: tuple[Marks, Marks], *, title: bool, caption: bool
+    window: MapWindow, layout: PlanLayout, marks: tuple[Marks, Marks], *, title: bool, lines: float
 ) -> tuple[Image.Image, MapWindow]:
-    """White paper with room for the plan, and the window placed on it."""
+    """White paper with room for the plan, and so many lines under it; the window placed on it."""
     metres = [font(layout.small).getlength(text) for text, _ in marks[1]]
     left = round(max(metres, default=0)) + layout.margin
     top = layout.margin + (round(layout.letters * 1.2) if title else 0)
     width = max(left + window.width + layout.margin, round(700 * layout.unit))
-    height = top + window.height + round(layout.letters * (6 if caption else 4))
+    height = top + window.height + round(layout.letters * lines)
     x = (width + left - layout.margin - window.width) // 2
     return Image.new("RGB", (width, height), WHITE), replace(window, x=x, y=top)
 
@@ -198,6 +205,17 @@ def _time_bar(
     draw_text(
         image, (x + width + layout.letters * 0.5, y), last, layout.letters, anchor="lm", halo=None
     )
+
+
+def _doubtful_line(image: Image.Image, window: MapWindow, layout: PlanLayout) -> None:
+    """What red on the path means, under what its other colours mean."""
+    text, half = "not to be trusted", max(round(2 * layout.unit), 2)
+    right = max(window.x + window.width, image.width - layout.margin)
+    y = window.y + window.height + round(layout.letters * (2.6 + LEGEND_LINES))
+    x = right - font(layout.letters).getlength(text) - layout.letters * 0.5
+    draw = ImageDraw.Draw(image)
+    draw.rectangle((x - 3 * layout.letters, y - half, x, y + half), fill=RED)
+    draw_text(image, (right, y), text, layout.letters, anchor="rm", halo=None)
 
 
 def duration(seconds: float) -> str:

@@ -168,6 +168,20 @@ def test_path_is_coloured_by_time() -> None:
         assert np.abs(found - time_colour(k / 49)).max() < 40
 
 
+def test_red_on_a_path_is_explained() -> None:
+    grid, stamps = room(resolution=0.05), np.linspace(0.0, 60.0, 50)
+    points = grid.world_of_cells(np.full(50, 30.0), np.linspace(15, 84, 50))
+    doubtful = np.arange(50) > 25
+    right, red = (
+        plan_image(grid, path=RobotPath(points, stamps, np.zeros(50), doubtful & seen))
+        for seen in (False, True)
+    )
+    assert red.height > right.height
+    # Below what the colours of time mean: red, and letters.
+    below = {*colours_of(red.crop((0, right.height, red.width, red.height)))}
+    assert {RED, INK} <= below
+
+
 def placed_at(image: Image.Image, grid: GridMap, path: NDArray[np.float64]) -> NDArray[np.float64]:
     """Where the plan begins on the sheet: its frame is the first dark line from the left."""
     pixels = pixels_of(image).astype(int)
