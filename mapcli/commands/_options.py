@@ -78,6 +78,39 @@ class NumberList(click.ParamType[Any]):
         return numbers
 
 
+MOST_NUMBERS = 20
+"""Of a list that may have any length."""
+
+
+class Numbers(click.ParamType[Any]):
+    """`1,2,3`: some numbers separated by commas, each within bounds."""
+
+    def __init__(self, metavar: str, low: float, high: float) -> None:
+        self.name, self.low, self.high = metavar, low, high
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        return self.name
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, ...]:
+        if isinstance(value, tuple):
+            return value
+        try:
+            numbers = tuple(float(part) for part in str(value).split(","))
+        except ValueError:
+            numbers = ()
+        able = all(self.low <= number <= self.high for number in numbers)
+        if not able or not 1 <= len(numbers) <= MOST_NUMBERS:
+            self.fail(
+                f"{value!r} is not of the form {self.name}: up to {MOST_NUMBERS} numbers from "
+                f"{self.low:g} to {self.high:g}.",
+                param,
+                ctx,
+            )
+        return numbers
+
+
 CELL = NumberList("ROW,COL", int)
 POINT = NumberList("X,Y")
 

@@ -24,6 +24,7 @@ from mapcli.commands._options import (
     POSITIVE,
     Command,
     Number,
+    Numbers,
     PoseType,
     common_options,
     no_clobber_option,
@@ -49,6 +50,8 @@ from mapcli.formats.maps.load import LoadedMap
 from mapcli.model.limit import Limit
 from mapcli.model.pose import Pose2D
 from mapcli.model.summary import LIMIT_FIELDS
+
+BOOK_OPTIONS = "--similarity", "--book-steps", "--turns-deg"
 
 MAP, MATCH, PERCEPTION = MapParameters(), MatchParameters(), PerceptionParameters()
 
@@ -91,9 +94,15 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 @_option("--search", MATCH.search, "Where to look for each scan's pose: in a window around the "
          "odometry's, at the book's fifteen poses, or nowhere (believe the odometry).",
          type=click.Choice(("window", "book", "none")))  # fmt: skip
-@click.option("--similarity", type=click.Choice(SIMILARITIES), help="How --search book compares; "
-              "`window` always uses the likelihood field.  "
+@click.option("--similarity", type=click.Choice(SIMILARITIES), help="How --search book compares, "
+              "always on the cells that two poses share; `window` uses the likelihood field.  "
               f"[default: {MATCH.similarity}]")  # fmt: skip
+@click.option("--book-steps", type=Numbers("CELLS,...", 0.1, 100),
+              help="How far from the odometry's position --search book "
+              "looks, along the map's axes.  [default: 1]")  # fmt: skip
+@click.option("--turns-deg", type=Numbers("DEG,...", -180, 180),
+              help="At which headings --search book looks, from the odometry's.  "
+              "[default: 0,-15,15]")  # fmt: skip
 @_option("--window-xy", MATCH.window_xy, "Least half-width of the window, metres; it grows with "
          "the odometry's likely error.", type=NOT_NEGATIVE)  # fmt: skip
 @_option("--window-theta-deg", MATCH.window_theta_deg, "The same for the heading, degrees.",
@@ -106,7 +115,7 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
     type=Number(0.01, 90),
 )
 @_option("--loop-closing/--no-loop-closing", True, "Find out where the robot came back, and put "
-         "right the whole way round; without, the plain Algorithm 9.2.")  # fmt: skip
+         "right the whole way round; without, the map never forgets.")  # fmt: skip
 @click.option("--known", metavar="MAP", type=FILE, help="A map to go on from, instead of an empty "
               "one; no loops are closed then.")  # fmt: skip
 @click.option("--initial-pose", type=PoseType("X,Y,THETA_DEG"), help="Where the robot starts.  "
@@ -166,8 +175,9 @@ def command(
     write_outputs(outputs, replayed, head, perceptions, no_clobber=no_clobber)
     if not (quiet or summary.matched):
         _explain_no_match(parameters.match, run.most_hits)
-    if model["similarity"] and parameters.match.search != "book" and not quiet:
-        say("Note: --similarity is for --search book and changes nothing.")
+    for option in BOOK_OPTIONS if parameters.match.search != "book" and not quiet else ():
+        if model[option.lstrip("-").replace("-", "_")]:
+            say(f"Note: {option} is for --search book and changes nothing.")
     say_notes(log, verbose=verbose, quiet=quiet)
     if not quiet:
         report(summary, replayed.map, outputs)
@@ -201,6 +211,8 @@ def slam_parameters(
     p_miss: float,
     search: Any,
     similarity: Any,
+    book_steps: tuple[float, ...] | None,
+    turns_deg: tuple[float, ...] | None,
     window_xy: float,
     window_theta_deg: float,
     step_xy: float | None,
@@ -223,6 +235,8 @@ def slam_parameters(
             MATCH,
             search=search,
             similarity=similarity or MATCH.similarity,
+            book_steps=book_steps or MATCH.book_steps,
+            turns_deg=turns_deg or MATCH.turns_deg,
             window_xy=window_xy,
             window_theta_deg=window_theta_deg,
             step_xy=step_xy,
@@ -230,6 +244,8 @@ def slam_parameters(
             min_hits=min_hits,
         ),
     )
+    if search == "book":
+        return parameters.as_in_the_book()
     # Poses that are not searched for closely are not worth the loops.
     return parameters if loops and search == "window" else parameters.without_loops()
 

@@ -19,7 +19,8 @@ So a wall that runs along the middle of a row makes that row the obstacle, and n
 
 Maps that are drawn from beams, as `slam-replay` does, have their walls where the beams end, half a
 cell nearer on average. For them there is **the rule of ends**: the cells in which beams end are
-obstacles, and of the others those are empty that are more than half free.
+obstacles, and of the others those are empty that would be more than half free if all walls were
+CLEAR cells nearer. What lies between may hold the wall in the map, and is left unknown.
 
 Coordinates are (u, v) in cells of the map, u along x and v along y; arrays are bottom-up.
 """
@@ -46,6 +47,11 @@ MAX_CONE = math.radians(30)
 
 MAX_CELLS = 20_000_000
 """Cells of a perception map; more means that range and map have different units."""
+
+CLEAR, CLEAR_M = 0.5, 0.0125
+"""Cells from a wall to the middles of cells that are empty for certain, and metres more: the middle
+of the cell in which a wall is drawn lies up to half a cell before it, and ranges err by a
+centimetre."""
 
 TOLERANCE = 1e-9
 
@@ -103,9 +109,19 @@ def scan_outline(perception: Perception, cell: float, walls: Walls = "thick") ->
     far = np.hypot(middle[:, 0], middle[:, 1])
     face = np.stack([length, np.where(whole, far, length), length,
                      np.where(whole, far, length[after]), length[after]])  # fmt: skip
-    scale = np.where(wall, 1 + 1 / np.where(wall, distance, 1.0), 1.0)
     own, next_ = hit & ~wall, hit[after] & ~wall
-    back = face * scale + np.stack([own, own, own, next_, next_])
+    alone = np.stack([own, own, own, next_, next_])
+
+    def moved_back(cells: float) -> Floats:
+        """The face, moved away from the laser along the normals of the walls."""
+        scale = np.where(wall, 1 + cells / np.where(wall, distance, 1.0), 1.0)
+        moved: Floats = np.maximum(face * scale + cells * alone, 0.0)
+        return moved
+
+    if walls == "ends":
+        back = face = moved_back(-(CLEAR + CLEAR_M / cell))
+    else:
+        back = moved_back(1.0)
     bearings[2] = bearings[1]
     face[2] = np.where(joined, face[1], 0.0)
     back[2] = np.where(joined, back[1], 0.0)
@@ -157,7 +173,7 @@ def perception_map(
     if not len(scan.face):
         return PerceptionMap(np.zeros((0, 0), np.int8), 0, 0)
     face, back = _transformed(scan.face, pose), _transformed(scan.back, pose)
-    box = _bounding_box(back, within)
+    box = _bounding_box(np.concatenate([back, _transformed(scan.ends, pose)]), within)
     if compiled:
         from mapcli.algorithms.similarity._kernels.perception_map import draw_perception_map
 

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from mapcli.algorithms.similarity.measures import Similarity
+from mapcli.model.perception import STEPS, TURNS_DEG
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import InformationMatrix
+
+if TYPE_CHECKING:
+    from mapcli.algorithms.slam.book_matcher import BookSearch
 
 Search = Literal["window", "book", "none"]
 
@@ -31,6 +35,8 @@ class MatchParameters:
         step_xy: metres between test positions, rounded to whole cells; None is one cell.
         step_theta_deg: degrees between test headings.
         similarity: how `book` compares; `window` always uses the likelihood field.
+        book_steps, turns_deg: the test positions of `book`: so many cells along the map's axes, and
+            so many degrees from the odometry's heading.
         odometry_prior: the most that leaving the odometry's pose costs, as a share of a perfect
             score.
         relocalise: search far around when the scan fits the map worse than those before.
@@ -43,7 +49,9 @@ class MatchParameters:
     window_theta_deg: float = 2.0
     step_xy: float | None = None
     step_theta_deg: float = 0.5
-    similarity: Similarity = "product"
+    similarity: Similarity = "agreement"
+    book_steps: tuple[float, ...] = STEPS
+    turns_deg: tuple[float, ...] = TURNS_DEG
     odometry_prior: float = 0.1
     relocalise: bool = True
     refine: bool = True
@@ -77,6 +85,7 @@ class Match:
         alternative: another pose, far from the odometry's, that fits better, but not so much better
             that odometry must have failed.
         is_contradicted: it was not found because the map contradicts it wherever it was searched.
+        search: all that `book` compared.
     """
 
     pose: Pose2D
@@ -87,6 +96,7 @@ class Match:
     free_space_conflicts: int = 0
     alternative: Alternative | None = None
     is_contradicted: bool = False
+    search: BookSearch | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -111,7 +111,7 @@ def match_scan(
         history: what is known from the scans before.
     """
     if parameters.search == "book":
-        return best_of_fifteen(grid, perception, predicted, parameters.similarity)
+        return best_of_fifteen(grid, perception, predicted, parameters)
     scan = ScanInMap(grid, perception, parameters)
     if parameters.search == "none" or not scan.has_enough_points:
         return Match(predicted, 0.0, 0, found=False)

@@ -25,6 +25,7 @@ from dataclasses import replace
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.scans.perception import NOTHING_SEEN, Perception, perceive
 from mapcli.algorithms.slam.back_end import BackEndResult, finalise
+from mapcli.algorithms.slam.book_matcher import BookSearch
 from mapcli.algorithms.slam.global_localization import localize_globally
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.known_map_fit import EXPECTED, KnownMapFit
@@ -38,6 +39,7 @@ from mapcli.algorithms.slam.odometry_faults import OdometryFaults
 from mapcli.algorithms.slam.pose_refinement import ScanInMap
 from mapcli.algorithms.slam.scan_matcher import match_scan
 from mapcli.algorithms.slam.scan_points import points_of
+from mapcli.algorithms.slam.short_distance import short_distance
 from mapcli.algorithms.slam.slam_parameters import SlamParameters as SlamParameters
 from mapcli.algorithms.slam.submaps import SUBMAP_M
 from mapcli.algorithms.slam.sweep_motion import SweepMotionFilter
@@ -72,7 +74,8 @@ class Slam:
         lost: what is known of the pose where the map does not tell it.
         known_map_fit: how well the scans fit the map that there was.
         trajectory: all poses until now, and the keyframes, for the back end.
-        perception: p, of the last scan.
+        perception: p, of the last scan; book_search: how it was compared, if that was as the book
+            does.
     """
 
     def __init__(
@@ -95,7 +98,9 @@ class Slam:
         self.sweep_motion = SweepMotionFilter()
         self.trajectory = TrackedTrajectory()
         self.perception = NOTHING_SEEN
+        self.book_search: BookSearch | None = None
         self.lost = LostTrack(p.odometry)
+        self._short_distance = short_distance(p.match, self.map.parameters.resolution)
         self._history, self._has_begun = MatchHistory(FIRST_SCORE), False
 
     @property
@@ -117,10 +122,11 @@ class Slam:
         motion = self.faults.motion(scan.stamp_ns, counted)
         n = c.compose(motion or Pose2D())  # 3: new position based on odometry
         p = self._perceive(scan)  # 4: analyze sensor data
+        is_moved = self._short_distance.is_moved(motion, scan.mount) or bool(p.readings)
         b = Match(n, 0.0, 0, found=False)
         if not self._is_localized:
             b = self._localize_globally(p)
-        elif self._is_known_from(scan.mount):  # 5-8: the best test position around n
+        elif is_moved and self._is_known_from(scan.mount):  # 5-8: the best test position around n
             uncertainty = self.odometry.uncertainty(motion)
             uncertainty = replace(uncertainty, since_known=self.lost.deviations)
             self._history = self._history.moved(motion)
@@ -134,11 +140,11 @@ class Slam:
                 self.known_map_fit.add(b, p, self.parameters.match)
         n = b.pose  # 9: replace new position by best position
         self.odometry.compare(c.between(n))
-        in_map = self._is_localized and self._update_map(n, p, scan.mount)  # 10: update map
+        in_map = is_moved and self._is_localized and self._update_map(n, p, scan.mount)  # 10
         self._record(scan, odom, p, motion, b, in_map=in_map)
         if in_map:
             self.lost.begin_anew()
-        self.perception = p
+        self.perception, self.book_search = p, b.search
         self.pose, self._has_begun = n, True  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
         score = b.score if b.found else None

@@ -33,8 +33,15 @@ class SlamParameters:
     detect_odometry_faults: bool = True
     loops: LoopParameters | None = field(default_factory=LoopParameters)
 
+    def as_in_the_book(self) -> SlamParameters:
+        """For Algorithm 9.2 as it is printed: its fifteen test positions, and a map that never
+        forgets and is updated in every turn of the loop."""
+        plain, match = self.without_loops(), replace(self.match, search="book")
+        local_map = replace(plain.local_map, update_m=0.0, update_deg=0.0)
+        return replace(plain, local_map=local_map, match=match)
+
     def without_loops(self) -> SlamParameters:
-        """For the plain Algorithm 9.2: a map that never forgets, and no loop closure.
+        """A map that never forgets, and no loop closure.
 
         Failing odometry is not detected then. A map that remembers old laps contradicts right poses
         as well, when the robot comes back with an error: points that lie in its free space would

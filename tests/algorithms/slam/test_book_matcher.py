@@ -1,4 +1,4 @@
-"""The book's fifteen test positions (Sect. 9.5)."""
+"""Algorithm 9.2 in its own form: the fifteen test positions of Sect. 9.5."""
 
 from __future__ import annotations
 
@@ -6,60 +6,76 @@ import math
 
 import numpy as np
 import pytest
+from support.corner_room import START, driven
 from support.room import HERE, NARROW, assert_at, look, mapped, moved, seen
 
-from mapcli.algorithms.similarity.grid_table import scan_table
-from mapcli.algorithms.similarity.measures import SIMILARITIES
-from mapcli.algorithms.slam.book_matcher import FIFTEEN, best_of_fifteen
+from mapcli.algorithms.similarity.measures import SIMILARITIES, Similarity
+from mapcli.algorithms.slam.book_matcher import best_of_fifteen
+from mapcli.algorithms.slam.book_perception import PerceivedPlaces, expected_places
 from mapcli.algorithms.slam.match import MatchParameters
+from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.scan_matcher import match_scan
-from mapcli.model.perception import IntendedPose, ScanPerception
 from mapcli.model.pose import Pose2D
+
+BOOK = MatchParameters(search="book")
+
+UP = [Pose2D(START.x, START.y + k, START.theta) for k in range(7)]
+"""Seven poses in the corner room, a cell apart."""
 
 
 @pytest.mark.parametrize("turn", [0, -15, 15])
 @pytest.mark.parametrize("step", [(0, 0), (0, 1), (0, -1), (-1, 0), (1, 0)])
 def test_each_of_the_fifteen_can_win(step: tuple[int, int], turn: int) -> None:
     cell = 0.2
-    grid = mapped(resolution=cell)
     tried = moved(HERE, -step[0] * cell, -step[1] * cell, -turn)
-    match = match_scan(grid, look(HERE), tried, NARROW, MatchParameters(search="book"))
+    match = match_scan(mapped(resolution=cell), look(HERE), tried, NARROW, BOOK)
     assert_at(match, HERE, xy=1e-9, degrees=1e-9)
     assert match.found
 
 
-def test_nothing_but_the_fifteen_is_tried() -> None:
+@pytest.mark.parametrize("turns_deg", [(0.0, -15.0, 15.0), (10.0, -10.0)])
+def test_nothing_but_the_test_positions_is_tried(turns_deg: tuple[float, ...]) -> None:
     tried = moved(HERE, 0.13, 0.08, 6)
-    match = best_of_fifteen(mapped(), look(HERE), tried)
-    steps = sorted(
-        abs(round(d / 0.05, 6)) for d in (match.pose.x - tried.x, match.pose.y - tried.y)
-    )
-    assert steps in ([0, 0], [0, 1])
+    parameters = MatchParameters(search="book", turns_deg=turns_deg)
+    match = best_of_fifteen(mapped(), look(HERE), tried, parameters)
+    steps = [abs(round(d / 0.05, 6)) for d in (match.pose.x - tried.x, match.pose.y - tried.y)]
+    assert sorted(steps) in ([0, 0], [0, 1])
     turn = math.degrees(match.pose.theta - tried.theta)
-    assert min(abs(turn - t) for t in (0, -15, 15)) < 1e-9
+    assert min(abs(turn - t) for t in (0.0, *turns_deg)) < 1e-9
 
 
-def test_of_equals_the_intended_pose_wins() -> None:
-    # A robot in the open, in a map that says nothing about what it sees.
-    grid = mapped()
+def test_where_nothing_is_known_odometry_is_believed() -> None:
     there = Pose2D(50, 50, 1)
-    match = best_of_fifteen(grid, seen([(1, 0)], [(0, 1)]), there)
-    assert_at(match, there, xy=1e-9, degrees=1e-9)
+    match = best_of_fifteen(mapped(), seen([(1, 0)], [(0, 1)]), there, BOOK)
+    assert match.pose == there
     assert not match.found
 
 
-def test_the_replay_scores_as_the_similarity_table() -> None:
-    """`slam-replay --search book` and `mapcli similarity-table` use the same code: on the same map
-    and scan the table's best pose is the replay's, whatever the similarity."""
-    grid, scan = mapped(resolution=0.2), look(HERE)
-    ends = scan.hits - scan.laser
-    beams = np.column_stack([np.arctan2(ends[:, 1], ends[:, 0]), np.hypot(*ends.T)])
-    for tried in (HERE, moved(HERE, 0.2, 0, -15), moved(HERE, 0.13, 0.08, 6)):
-        place = IntendedPose(tried.theta, (tried.x, tried.y))
-        perception = ScanPerception(place, beams, 100.0, no_return="ignore", walls="ends")
-        for similarity in SIMILARITIES:
-            match = best_of_fifteen(grid, scan, tried, similarity)
-            table = scan_table(grid.to_grid_map(), perception, FIFTEEN, similarity)
-            best = table.winners()[0]
-            assert best.pose is not None
-            assert_at(match, best.pose, xy=1e-9, degrees=1e-9)
+def test_what_is_expected_behind_a_wall_is_nothing() -> None:
+    """A wall in column 3: in it an end is expected, behind it none, beyond its end nobody knows."""
+    grid = OccupancyGrid()
+    grid.extend_to(np.full(2, -1.0), np.full(2, 1.0))
+    cells = grid.pose_to_cells(Pose2D()).astype(int)
+    grid.log_odds[cells[1], cells[0] : cells[0] + 3] = -100
+    grid.log_odds[cells[1], cells[0] + 3] = 100
+    ends = np.array([[3.5, 0.5], [4.5, 0.5], [3.5, 1.5], [2.5, 0.5]])
+    p = PerceivedPlaces(ends, np.ones(4, np.int8), ends - (1, 0))
+    pose = np.array([*cells[:2], 0.0])
+    assert expected_places(grid, p, pose).tolist() == [1, -1, 0, -1]
+
+
+@pytest.mark.parametrize("similarity", SIMILARITIES)
+def test_perfect_odometry_is_left_alone(similarity: Similarity) -> None:
+    """Seven cells up in the corner room: S, a sum over all that is known, would rather stay."""
+    assert driven(UP, UP, similarity, START) == UP
+
+
+@pytest.mark.parametrize("similarity", SIMILARITIES)
+@pytest.mark.parametrize("cells", [2, 3, 4, 5])
+def test_a_wheel_that_slips_is_found_out(similarity: Similarity, cells: int) -> None:
+    """Figs. 9.15 to 9.22: the last step ends in the intended cell, but 15 degrees clockwise."""
+    counted = UP[: cells + 1]
+    turned = Pose2D(counted[-1].x, counted[-1].y, START.theta - math.radians(15))
+    found = driven([*counted[:-1], turned], counted, similarity, START)[-1]
+    assert found.distance(turned) < 0.5
+    assert abs(math.degrees(found.between(turned).theta)) < 7.5

@@ -173,7 +173,8 @@ def test_book_picks_the_true_one_of_the_fifteen(step: tuple[int, int], turn: int
     slam = Slam(replace(searching("book"), map=MapParameters(resolution=cell)), start=here)
     found = list(slam.replay(log_of([here, here], [here, claimed])))
     assert_near(found, [here, here], xy=1e-9, degrees=1e-9)
-    assert statuses(found) == ["first", "matched"]
+    stands = (step, turn) == ((0, 0), 0)  # then there is nothing to compare again
+    assert statuses(found) == ["first", "odometry" if stands else "matched"]
 
 
 def test_book_keeps_small_errors_from_growing() -> None:

@@ -1,0 +1,83 @@
+"""`mapcli slam-replay --search book`: Algorithm 9.2 in its own form, along a whole drive."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from conftest import FIXTURES, run
+from support.replaying import traced
+
+from mapcli.algorithms.similarity.measures import SIMILARITIES
+
+ROBOT = ("--odom-noise", "0,0,0,0", "--speed", "0.2", "--range-max", "2")
+LASER = ("--beams", "61", "--fov-deg", "180")
+FIVE_SENSORS = ("--beams", "5", "--fov-deg", "180", "--range-max", "1")
+
+CELL = 0.05
+
+
+@pytest.fixture(autouse=True)
+def _somewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def simulated(*options: str) -> str:
+    """A drive down the corridor."""
+    world, path = str(FIXTURES / "corridor.yaml"), str(FIXTURES / "corridor-path.txt")
+    assert run("simulate", "-q", world, "--path", path, *ROBOT, *options, "drive.mcap") == 0
+    return "drive.mcap"
+
+
+def error(log: str, *options: str) -> float:
+    """The ATE of a replay, metres."""
+    assert run("slam-replay", "-q", log, *options, "--trace", "t.tum") == 0
+    assert run("evaluate", "-q", "t.tum", log, "--json", "e.json") == 0
+    return float(json.loads(Path("e.json").read_text())["summary"]["ate_rmse"])
+
+
+@pytest.mark.parametrize("sensor", [LASER, FIVE_SENSORS])
+def test_perfect_odometry_is_never_left_by_more_than_a_cell(sensor: tuple[str, ...]) -> None:
+    log = simulated(*sensor)
+    assert error(log, "--search", "none") < 1e-5
+    for similarity in SIMILARITIES:
+        assert error(log, "--search", "book", "--similarity", similarity) <= CELL
+
+
+def test_wheels_that_slip_are_followed() -> None:
+    log = simulated(*LASER, "--odom-fault", "slip@3-5")
+    assert error(log, "--search", "none") == pytest.approx(0.140, abs=0.001)
+    assert error(log, "--search", "book") <= 0.07
+    for similarity in SIMILARITIES:
+        assert error(log, "--search", "book", "--similarity", similarity) <= 0.10
+
+
+def test_scans_are_compared_when_the_robot_has_moved_about_a_cell() -> None:
+    log = simulated(*LASER)
+    trace = traced(log, "--search", "book")
+    odometry = [pose["odom"]["x"] for pose in trace["poses"]]
+    compared = [k for k, pose in enumerate(trace["poses"]) if pose["status"] == "matched"]
+    assert all(odometry[k] - odometry[k - 1] < CELL for k in range(1, len(odometry)))
+    steps = [odometry[b] - odometry[a] for a, b in zip([0, *compared], compared, strict=False)]
+    assert min(steps) > 0.9 * CELL
+    assert max(steps) < 2 * CELL
+
+
+def test_the_test_positions_can_be_chosen() -> None:
+    log = simulated(*LASER)
+    options = ("--search", "book", "--book-steps", "1,2", "--turns-deg", "-5,5")
+    match = traced(log, *options, "--end", "3")["parameters"]["match"]
+    assert match["book_steps"] == [1, 2]
+    assert match["turns_deg"] == [-5, 5]
+
+
+def test_options_that_change_nothing_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    log = simulated(*LASER)
+    assert run("slam-replay", log, "--end", "2", "--turns-deg", "5", "--trace", "t.tum") == 0
+    assert "Note: --turns-deg is for --search book" in capsys.readouterr().err
+
+
+def test_test_positions_that_are_none(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("slam-replay", "x.mcap", "--book-steps", "0") == 2
+    assert "'0' is not of the form CELLS,...: up to 20 numbers" in capsys.readouterr().err
