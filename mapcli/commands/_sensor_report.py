@@ -41,6 +41,9 @@ def sensor_line(sensor: dict[str, Any]) -> str:
     read = counted(sensor["readings"], "readings")
     if sensor["least"] is not None and sensor["kind"] != "switch":
         read += f" of {sensor['least']:.3g} to {sensor['most']:.3g} m"
+    if sensor["kind"] == "switch":
+        something = sensor["readings"] - sensor["nothing"] - sensor["invalid"]
+        read += f", {something / max(sensor['readings'], 1):.1%} saw something"
     shares = ", ".join(
         f"{sensor[key] / max(sensor['readings'], 1):.1%} {text}"
         for key, text in (("nothing", "saw nothing"), ("too_close", "too close"),

@@ -16,6 +16,7 @@ class Role(Enum):
     RELATIONS = "hold a trace against it with mapcli evaluate"
     PERCEPTION = "compare it with a map with mapcli similarity-table"
     WAYPOINTS = "have a robot drive along it with mapcli simulate --path"
+    SENSORS = "name it with --sensors where the log is read, as in mapcli slam-replay LOG.csv"
     DOCUMENT = "see what is in it with mapcli info"
     PICTURE = "mapcli reads PNG and PGM, as maps"
     ARCHIVE = "unpack it first"

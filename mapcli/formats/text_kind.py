@@ -26,6 +26,7 @@ YAML_KINDS = (
         "the metadata of a ROS 2 bag", Role.OTHER, "name its folder to mapcli slam-replay")),
     ({b"image", b"cells"}, FileKind("a YAML map", Role.MAP)),
     ({b"polygons", b"points"}, FileKind("a continuous map", Role.WORLD)),
+    ({b"sensors"}, FileKind("what the sensors of a CSV log are", Role.SENSORS)),
     ({b"waypoints"}, FileKind("a list of waypoints", Role.WAYPOINTS)),
 )  # fmt: skip
 """Keys of which a file of the kind has one."""

@@ -226,6 +226,8 @@ class SensorCounts:
         if 0 <= reading < math.inf and not is_nothing:
             self.least, self.most = min(self.least, reading), max(self.most, reading)
         self.invalid += math.isnan(reading) or 0 > reading > -math.inf
+        if self.kind == "switch":
+            return  # too close to measure is what it tells
         self.too_close += reading == -math.inf or 0 <= reading < self.range_min
 
 

@@ -21,6 +21,7 @@ EXAMPLES = {
         "<log.mcap -o >folder/ --save-perception 0",
         "<carmen.log --known <image.yaml --initial-pose 0,0,0 --map >m.yaml --png >p.png "
         "--json >t.json --trace >t.tum --mcap >m.mcap",
+        "<robot.csv --sensors <sensors.yaml --map >m.txt",
     ),
     "frontier": (
         "<room.txt --robot 5,6 --known <known.txt --json >t.json --png >p.png --gif >g.gif "
@@ -34,6 +35,7 @@ EXAMPLES = {
     "perceive": (
         "<room.txt >d.yaml --cell 4,6 --beams 8",
         "<log.mcap >d.json --at 0.5",
+        "<robot.csv --sensors <sensors.yaml >d.yaml --at 2",
     ),
     "simulate": (
         "<world.yaml >o.mcap --path <path.txt --beams 8 --scan-rate 1",
@@ -44,8 +46,10 @@ EXAMPLES = {
         "<trace.json <truth.tum --json >e.json --png >p.png",
         "<trace.json <pairs.relations --odometry <log.mcap --json >e.json",
         "<round.tum --self-check <round.mcap --json >e.json",
+        "<trace.json <pairs.relations --odometry <robot.csv --sensors <sensors.yaml --json >e.json",
     ),
-    "import": ("<log.mcap <more.mcap >o.mcap", "<carmen.log >o.mcap"),
+    "import": ("<log.mcap <more.mcap >o.mcap", "<carmen.log >o.mcap",
+               "<robot.csv --sensors <sensors.yaml >o.mcap"),
     "convert": (
         "<image.yaml >o.txt", "<room.txt >o.yaml", "<picture.png >o.pgm",
         "<trace.json >o.tum", "<truth.tum >o.json",

@@ -65,8 +65,11 @@ def make_kit(folder: Path) -> None:
         f"simulate {f}/world.yaml {f}/round.mcap --path {f}/there-and-back.txt --speed 2 "
         "--beams 90 --scan-rate 4",
         f"slam-replay {f}/round.mcap --trace {f}/round.tum --search none",
+        f"simulate {f}/world.yaml {f}/robot.csv --path {f}/path.txt --odom-rate 5 --scan-rate 5 "
+        "--range-max 1 --sensor r1=0.06,0,0 --sensor r2=0,0.05,90",
     ):
         assert run(*line.split(), "-q") == 0, line
+    (folder / "robot.yaml").rename(folder / "sensors.yaml")
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,8 @@ INPUTS = [
 ]
 
 FROM_KIT = (
-    "log.mcap", "carmen.log", "trace.json", "truth.tum", "world.yaml", "room.txt", "image.yaml",
+    "log.mcap", "carmen.log", "robot.csv", "sensors.yaml", "trace.json", "truth.tum", "world.yaml",
+    "room.txt", "image.yaml",
     "scan.yaml", "database.yaml", "path.txt", "image.pgm",
 )  # fmt: skip
 

@@ -18,7 +18,7 @@ from fuzz.bounds import Read
 from fuzz.mutations import mutate, swollen
 from mcap.writer import CompressionType
 from PIL import Image
-from support.mcap_making import Sent, mcap_bytes, odom, scan, tf, tf_static, transform
+from support.mcap_making import Sent, mcap_bytes, odom, scan, sonar, tf, tf_static, transform
 
 from mapcli.errors import MapcliError
 from mapcli.formats.documents.load_trace import move_trace
@@ -28,6 +28,7 @@ from mapcli.formats.documents.pose_trace import torn_files
 from mapcli.formats.documents.relations import load_relations
 from mapcli.formats.documents.waypoints import load_waypoints
 from mapcli.formats.documents.world import load_world
+from mapcli.formats.logs.csv.sensors_file import read_sensors_file
 from mapcli.formats.logs.open_log import open_log
 from mapcli.formats.logs.ros import messages as ros
 from mapcli.formats.maps.load import load_map
@@ -96,6 +97,14 @@ def read_log(path: Path) -> None:
         raise refused
 
 
+def read_csv_log(path: Path) -> None:
+    """A CSV log, of the sensors that lie beside it."""
+    log = open_log(path, LogOptions(sensors_file=str(path.with_name("sensors.yaml"))))
+    assert log.digests()
+    assert log.topics()
+    assert all(record.stamp_ns >= 0 for record in log.records())
+
+
 def read_trace(path: Path) -> None:
     """All that is done with a trace."""
     torn_files(path)
@@ -142,7 +151,13 @@ SCAN = (
     b"walls: thick\nlaser: {x: 0.2, y: 0, theta_deg: 0}\nsteps: 1\nturns_deg: [0, -15, 15]\n"
     b"beams: [[-15, 3.2], [0, null], [15, 4.5]]\n"
 )
+SENSORS = (
+    b"units: {range: cm}\nrange_max: 300\nsensors:\n  r1: {x: 0, y: 0, yaw_deg: 0}\n"
+    b"  r2: {x: 0, y: 0.1, yaw_deg: 90, range_min: 1, nothing: 0}\n  g1: {ground: true}\n",
+    b"sensors: {r1: {x: 0, y: 0, yaw_deg: 0, range_min: 0.1, range_max: 0.1}}\nignore: [v]\n",
+)
 COMPANIONS = {
+    "sensors.yaml": SENSORS[0],
     "map.pgm": PGMS[0],
     "map.png": PNGS[1],
     "damaged.pgm": PGMS[0][:-3],
@@ -231,6 +246,16 @@ CARMEN_LOGS = (
     ODOM_LINE + ROBOTLASER_LINE + ROBOTLASER_LINE.replace(b" 2.0 ", b" 3.0 "),
     gzip.compress(ODOM_LINE + FLASER_LINE, mtime=0),
 )
+CSV_LOGS = (
+    b"# a drive\nt,x,y,theta,r1,r2,g1\n0,0,0,0,30,0,1\n0.5,0.1,0,0.1,,20,1\n1,0.2,0,0.1,300,5,1\n",
+    gzip.compress(b"r1, t, y, x, theta, r2, g1\n1, 1600000000.5, 0, 0, 0, 2, 3\n", mtime=0),
+)
+RINGS = [
+    tf_static(1, transform(0, "base_link", "left", (0, 0.1, 0), (0, 0, 90)),
+              transform(0, "base_link", "floor", (0, 0, 0), (0, 90, 0))),
+    odom(1), odom(3, x=1),
+    *(sonar(t, t / 3, topic=f"/{one}", frame=one) for t in (1, 2) for one in ("left", "floor")),
+]  # fmt: skip
 MESSAGES = [
     tf_static(1, transform(0, "base_link", "laser", (0.2, 0.1, 0.3), (0, 0, 30))),
     *(m for t in range(1, 4) for m in (odom(t, x=t), scan(t + 0.5, [1, 2, t]))),
@@ -271,6 +296,7 @@ JSON_SCAN = {
 }  # fmt: skip
 JSON_CHANNEL = ("/scan", ros.LASER_SCAN, "json", [json.dumps(JSON_SCAN).encode()] * 2)
 LOG_CHANNELS, POSE_CHANNELS = channels_of(MESSAGES), channels_of(TRUTH + MESSAGES[1:3])
+RING_CHANNELS = channels_of(RINGS)
 
 
 def log_grammar(random: Random) -> bytes:
@@ -278,6 +304,10 @@ def log_grammar(random: Random) -> bytes:
     if random.random() < 0.2:
         channels = [c for c in channels if c[0] != "/scan"] + [JSON_CHANNEL]
     return text_grammars.packed(binary_grammars.mcap(random, channels), random)
+
+
+def ring_grammar(random: Random) -> bytes:
+    return text_grammars.packed(binary_grammars.mcap(random, RING_CHANNELS), random)
 
 
 def pose_grammar(random: Random) -> bytes:
@@ -299,5 +329,9 @@ READERS = (
     Reader("relations", ".relations", RELATIONS, text_grammars.relations, load_relations),
     Reader("MCAP poses", ".mcap", logs_of(TRUTH + MESSAGES[1:3]), pose_grammar, read_poses),
     Reader("CARMEN log", ".log", CARMEN_LOGS, text_grammars.carmen, read_log),
+    Reader("CSV log", ".csv", CSV_LOGS, text_grammars.robot_csv, read_csv_log),
+    Reader("sensors of a CSV log", ".yaml", SENSORS, text_grammars.sensors_yaml,
+           lambda path: read_sensors_file(str(path)) and None),
+    Reader("MCAP range sensors", ".mcap", logs_of(RINGS), ring_grammar, read_log),
     Reader("MCAP log", ".mcap", logs_of(MESSAGES), log_grammar, read_log),
 )  # fmt: skip

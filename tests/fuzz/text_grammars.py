@@ -240,6 +240,28 @@ def trajectory(random: Random) -> bytes:
     return packed(b"".join(line + ending(random) for line in lines), random)
 
 
+def robot_csv(random: Random) -> bytes:
+    """A CSV log for the sensors of `readers.SENSORS`."""
+    head = random.choice((b"t,x,y,theta,r1,r2,g1", b"r2, g1, t, theta, y, x, r1", b"t,x,y,r1,r2"))
+    lines = [head]
+    for k in range(random.randrange(1, 6)):
+        stamp = b"%d.5" % k if random.random() > ODD else number(random)
+        fields = [stamp, *(number(random, ("0", "0.5", "3", "")) for _ in range(head.count(b",")))]
+        lines.append(b",".join(fields))
+    return packed(b"".join(line + ending(random) for line in lines), random)
+
+
+def sensors_yaml(random: Random) -> bytes:
+    lines = [b"units: {range: cm}"] if random.random() < 0.5 else []
+    lines += [b"range_max: " + number(random), b"sensors:"]
+    for name in (b"r1", b"r2", b"g1"):
+        place = b"x: %b, y: %b, yaw_deg: %b" % tuple(number(random) for _ in range(3))
+        if random.random() < ODD:
+            place = random.choice((b"ground: true", b"x: 1", b"nothing: 0", b""))
+        lines.append(b"  %b: {%b}" % (name, place))
+    return b"".join(line + ending(random) for line in lines)
+
+
 def relations(random: Random) -> bytes:
     lines = [numbers(random, 8) + ending(random) for _ in range(random.randrange(1, 5))]
     return packed(b"".join(lines), random)

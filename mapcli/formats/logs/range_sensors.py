@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.formats.logs.rep117 import rep117, sensible_limits
+from mapcli.formats.logs.rep117 import rep117, sensible_limits, single
 from mapcli.model.counting import counted
 from mapcli.model.log import BeamCounts, SensorCounts, SensorKind
 from mapcli.model.range_reading import RangeReading
@@ -65,7 +65,7 @@ class RangeSensor:
         counts.add(value)
         if self.mount is None:
             return None
-        ranges = np.array([value], dtype=np.float32)
+        ranges = np.array([single(value)], dtype=np.float32)
         if self.is_switch:
             ranges = _switched(ranges, high)
             beams.total += 1

@@ -23,6 +23,7 @@ from pathlib import Path
 
 import yaml
 
+from mapcli.formats.file_kind import Role, expecting
 from mapcli.formats.input import read_file
 from mapcli.formats.logs.range_sensors import RangeSensor
 from mapcli.formats.logs.rep117 import single
@@ -86,7 +87,12 @@ def read_sensors_file(path: str) -> SensorsFile:
     Raises:
         FormatError: no such file, broken, or a value that makes no sense.
     """
-    document = YamlMapping.parse(read_file(Path(path), "the sensors of a CSV log"), path)
+    wanted = "YAML that says where the sensors of a CSV log sit"
+    with expecting(path, wanted, Role.SENSORS):
+        return _read(path, YamlMapping.parse(read_file(Path(path), wanted), path))
+
+
+def _read(path: str, document: YamlMapping) -> SensorsFile:
     _refuse_others(document, KEYS)
     factors = _factors(document)
     node = document.require("sensors", f"`sensors:` with COLUMN: {SENSOR}")
