@@ -38,11 +38,12 @@ def sliding_stretches(agreements: Sequence[Agreement]) -> list[list[Span]]:
         agreements: in time order.
 
     Returns:
-        For each part of the drive between scans that another visit fixes, those in it, if any.
+        For each part of the drive between places that another visit fixes, those in it, if any.
+        It fixes two scans in a row there: one may fit by chance.
     """
     parts: list[list[Span]] = [[]]
     for one, after in pairwise(agreements):
-        if one.fixed_apart and parts[-1]:
+        if one.fixed_apart and after.fixed_apart and parts[-1]:
             parts.append([])
         if one.fixed_near or after.fixed_near:
             continue
