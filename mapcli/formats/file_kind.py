@@ -6,6 +6,7 @@ which command reads it (`expecting`); `mapcli info` asks before it reads (`kind_
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -52,6 +53,9 @@ DRAWN = FileKind("a picture that mapcli drew", Role.PICTURE, "name the map that 
 TAR_AT = 257
 """Where a tar archive says `ustar`."""
 
+LARGE_BYTES = 1 << 20
+"""From this size on, a file is looked at before it is read."""
+
 PART = re.compile(r"\.(mcap|db3|bag|active)(\.(zstd|zst|gz|bz2|xz|lz4))?$", re.IGNORECASE)
 """Ends of the names of a bag's files."""
 
@@ -73,6 +77,21 @@ def expecting(file: str | Path, wanted: str, *roles: Role) -> Iterator[None]:
         if kind is None or kind.role in roles:
             raise
         raise FormatError(f"is {kind}", file=file, expected=wanted) from error
+
+
+def refuse_large(file: str | Path, wanted: str, *roles: Role) -> None:
+    """Do not read gigabytes of what is something else, as their first bytes tell.
+
+    Raises:
+        FormatError: what the file is, as of `expecting`.
+    """
+    with suppress(OSError, ValueError):
+        if not os.path.isfile(file) or os.path.getsize(file) < LARGE_BYTES:
+            return
+        start = first_bytes(Path(file))
+        kind = kind_of(start, str(file)) if b"\0" in start else None
+        if kind is not None and kind.role not in roles:
+            raise FormatError(f"is {kind}", file=file, expected=wanted)
 
 
 def kind_at(file: str | Path) -> FileKind | None:
@@ -121,7 +140,9 @@ def _kind_of_folder(folder: Path) -> FileKind | None:
     if _has_bag(folder):
         return FileKind("a folder with a bag", Role.LOG)
     if {"map.yaml", "trace.json"} <= names:
-        return FileKind("a folder of mapcli slam-replay", Role.OTHER, "name map.yaml in it")
+        return FileKind(
+            "a folder of mapcli slam-replay", Role.OTHER, "name a file in it: map.yaml, trace.json"
+        )
     bags = [inner.name for inner in sorted(folder.iterdir()) if inner.is_dir() and _has_bag(inner)]
     if bags:
         return FileKind(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import os
 import stat
 import sys
 import weakref
@@ -26,6 +27,9 @@ SPOOLED_BYTES = 1 << 16
 
 SNIFFED_BYTES = 1 << 16
 """Of the beginning of a file, enough to tell what it is."""
+
+LIKELY_MEANT = 0.8
+"""Share of its letters that a name has in common with one that may be meant."""
 
 OPEN_FILES = Path("/proc/self/fd")
 """Linux's folder of the files that this process has open, each to be opened once more from its
@@ -54,14 +58,27 @@ def read_file(path: Path, expected: str = "a map file") -> bytes:
     except IsADirectoryError as error:
         raise FormatError("is a directory", file=path, expected=expected) from error
     except FileNotFoundError as error:
-        raise FormatError("no such file", file=path) from error
+        raise no_such_file(path) from error
     except (OSError, ValueError, RuntimeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise FormatError(f"cannot be read: {reason.lower()}", file=path) from error
 
 
+def no_such_file(path: Path) -> FormatError:
+    """The error about a file that is not there; it names one beside it that may be meant."""
+    import difflib
+
+    beside: list[str] = []
+    with suppress(OSError, ValueError):
+        beside = sorted(os.listdir(path.parent))
+    close = difflib.get_close_matches(path.name, beside, n=1, cutoff=LIKELY_MEANT)
+    hint = f"; did you mean {path.parent / close[0]}?" if close else ""
+    return FormatError(f"no such file{hint}", file=path)
+
+
 def first_bytes(path: Path) -> bytes:
-    """The beginning of a file; of standard input, whether it has been read already or not.
+    """The beginning of a file; of standard input, whether it has been read already or not; of a
+    pipe that is not kept (`pipes_kept`), and of a device, nothing.
 
     Raises:
         OSError: it cannot be read.
@@ -69,7 +86,7 @@ def first_bytes(path: Path) -> bytes:
     if str(path) == "-":
         # Looked at, not taken: the reader that is chosen reads from the first byte on.
         return _starts.get("-") or standard_input().peek(SNIFFED_BYTES)[:SNIFFED_BYTES]
-    if _is_endless(path):
+    if _is_endless(path) or (_kept is None and path.is_fifo()):
         return b""
     with reopenable(path).path.open("rb") as file:
         return file.read(SNIFFED_BYTES)

@@ -5,13 +5,17 @@ from __future__ import annotations
 import bz2
 import gzip
 import lzma
+import os
 from pathlib import Path
 
 import pytest
 import zstandard
 
 from mapcli.errors import FormatError
+from mapcli.formats.documents.world import load_world
 from mapcli.formats.file_kind import Role, expecting, kind_at, kind_of
+from mapcli.formats.logs.open_log import open_log
+from mapcli.formats.maps.load import load_map
 
 MCAP = b"\x89MCAP0\r\n" + bytes(range(256)) * 4
 TUM = b"# a comment\n1.5 1 2 0 0 0 0 1\n1.6 1.1 2 0 0 0 0.6 0.8\n"
@@ -98,11 +102,36 @@ def test_a_line_that_is_cut_off_is_not_looked_at() -> None:
     assert kind.name == "a TUM trace"
 
 
+def test_what_is_large_and_no_map_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "robot.mcap"
+    with path.open("wb") as file:
+        file.write(MCAP)
+        file.truncate(1 << 40)  # a hole, which nobody could read
+    for load in (load_map, load_world):
+        with pytest.raises(FormatError, match="is an MCAP log; make a map of it"):
+            load(path)
+
+
+def test_a_pipe_that_is_not_kept_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    assert kind_at(tmp_path / "pipe") is None
+
+
+def test_a_name_that_is_nearly_right(tmp_path: Path) -> None:
+    (tmp_path / "robot.mcap").write_bytes(MCAP)
+    said = r"robto.mcap: no such file; did you mean .*/robot.mcap\?"
+    for load in (load_map, open_log):
+        with pytest.raises(FormatError, match=said):
+            load(tmp_path / "robto.mcap")
+    with pytest.raises(FormatError, match=r"no such file$"):
+        load_map(tmp_path / "quite-another-one.yaml")
+
+
 def test_folders(tmp_path: Path) -> None:
     assert kind_at(tmp_path) is None
     (tmp_path / "map.yaml").touch()
     (tmp_path / "trace.json").touch()
-    assert "name map.yaml in it" in str(kind_at(tmp_path))
+    assert "name a file in it: map.yaml, trace.json" in str(kind_at(tmp_path))
     inner = tmp_path / "inner"
     for folder in (inner, inner / "bag 1", inner / "bag 2"):
         folder.mkdir()

@@ -22,7 +22,7 @@ import yaml
 from numpy.typing import NDArray
 
 from mapcli.errors import DataError
-from mapcli.formats.file_kind import Role, expecting
+from mapcli.formats.file_kind import Role, expecting, refuse_large
 from mapcli.formats.input import read_file
 from mapcli.formats.maps.load import load_map, sniff
 from mapcli.formats.maps.save import SUFFIXES
@@ -58,7 +58,9 @@ def load_world(path: str | Path, *, y_down: bool = False) -> LoadedWorld:
     Raises:
         FormatError: the file holds neither, naming line and key.
     """
-    with expecting(path, "a world: a continuous map or a grid map", Role.WORLD, Role.MAP):
+    wanted = "a world: a continuous map or a grid map"
+    refuse_large(path, wanted, Role.WORLD, Role.MAP)
+    with expecting(path, wanted, Role.WORLD, Role.MAP):
         return _load(Path(path), y_down)
 
 

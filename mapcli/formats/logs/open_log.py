@@ -13,6 +13,7 @@ from mapcli.formats.input import (
     MCAP_MAGIC,
     SNIFFED_BYTES,
     Reopenable,
+    no_such_file,
     reopenable,
     spooled,
     standard_input,
@@ -72,6 +73,8 @@ def open_log(paths: str | Path | Sequence[str | Path], options: LogOptions = DEF
         return _open(
             kinds[0], [_unpacked(s, k) for s, k in zip(sources, kinds, strict=True)], options
         )
+    except FileNotFoundError as error:
+        raise no_such_file(Path(str(error.filename or names[0]))) from error
     except OSError as error:
         name = str(error.filename or names[0])
         raise FormatError((error.strerror or str(error)).lower(), file=name) from error

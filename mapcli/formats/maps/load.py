@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mapcli.errors import FormatError
-from mapcli.formats.file_kind import DRAWN, Role, expecting, kind_of
+from mapcli.formats.file_kind import DRAWN, Role, expecting, kind_of, refuse_large
 from mapcli.formats.input import SNIFFED_BYTES, ReadBytes, read_file
 from mapcli.formats.maps.dialects import Dialect
 from mapcli.formats.maps.image_cells import cells_of_image
@@ -74,6 +74,7 @@ def load_map(
         FormatError: the file, or the image it names, does not hold a map.
         DataError: a resolution that is not positive.
     """
+    refuse_large(path, "a map", Role.MAP)
     with expecting(path, "a map", Role.MAP):
         loaded = _load(Path(path), form, _Reading(dialect, resolution, origin, read, lenient))
     if resolution is None and origin is None:
