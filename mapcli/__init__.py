@@ -60,7 +60,7 @@ if TYPE_CHECKING:  # what type checkers and editors see; a test compares it with
     from mapcli.algorithms.simulation.simulate import simulate as simulate
     from mapcli.algorithms.simulation.tour import plan_tour as plan_tour
     from mapcli.algorithms.slam.replay import replay as replay
-    from mapcli.algorithms.slam.slam import SlamParameters as SlamParameters
+    from mapcli.algorithms.slam.slam_parameters import SlamParameters as SlamParameters
     from mapcli.formats.documents.load_trajectory import load_trajectory as load_trajectory
     from mapcli.formats.documents.perception_reader import load_perception as load_perception
     from mapcli.formats.documents.relations import load_relations as load_relations
@@ -128,7 +128,7 @@ HOMES = {
     "World": "mapcli.model.world",
     "LogOptions": "mapcli.model.log",
     "SaveOptions": "mapcli.formats.maps.save",
-    "SlamParameters": "mapcli.algorithms.slam.slam",
+    "SlamParameters": "mapcli.algorithms.slam.slam_parameters",
     "EvaluateParameters": "mapcli.algorithms.evaluation.trajectory_error",
     "CandidateWindow": "mapcli.algorithms.similarity.candidate_poses",
     "RangeSensor": "mapcli.algorithms.similarity.expected_perception",

@@ -79,8 +79,8 @@ SMALL_FILES = {
     ),
     "ros1.bag": (
         b"#ROSBAG V2.0\n" + bytes(100),
-        "ros1.bag: is a ROS 1 bag; convert it first: rosbags-convert --src ros1.bag "
-        "--dst ros1-mcap --dst-storage mcap",
+        "ros1.bag: 1 gap of unreadable bytes, skipped (byte 13): no range scans; expected a topic "
+        "of sensor_msgs/msg/LaserScan",
     ),
     "start.mcap": (
         CORRIDOR_BYTES[:8],
