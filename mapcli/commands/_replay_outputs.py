@@ -191,6 +191,7 @@ def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> Non
     faults = f"; wheels that failed, at {counted(failed, 'scans')}" if failed else ""
     if summary.odometry_catch_ups:
         faults += f"; stood still and caught up, {summary.odometry_catch_ups:,} times"
+    worth = f"; {summary.loop_check.text()}" if summary.loop_check else ""
     width, height = grid.columns * grid.resolution, grid.rows * grid.resolution
     rows = (
         ("scans", f"{summary.used:,} of {summary.scans:,} used ({100 * summary.used_share:.1f} %)"),
@@ -205,7 +206,7 @@ def report(summary: ReplaySummary, grid: GridMap, outputs: ReplayOutputs) -> Non
         *([("laser", summary.sweep.text())] if summary.sweep else []),
         ("odometry", f"{summary.odometry_jumps:,} jumps not believed{faults}"),
         ("driven", f"{summary.distance_m:,.1f} m in {summary.duration_s:,.1f} s"),
-        ("loops closed", f"{summary.loops:,}"),
+        ("loops closed", f"{summary.loops:,}{worth}"),
         ("map", f"{width:.1f} m x {height:.1f} m at {grid.resolution:g} m a cell"),
         ("took", f"{summary.seconds:.2f} s, {_times(summary.times_real_time)} times real time"),
         ("written", _listed(outputs.names())),

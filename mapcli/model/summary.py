@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from mapcli.model.limit import limit_fields
+from mapcli.model.loop_check import LoopCheck
 from mapcli.model.reason import VERDICTS, Reason, Verdict
 from mapcli.model.sweep_summary import SweepSummary
 
@@ -33,6 +34,7 @@ class ReplaySummary:
             how many it held.
         interrupted: the replay was stopped early; the result is of the part before.
         verdict: may the map be trusted; reasons: why not, and when.
+        loop_check: what loops were worth; None if none was found.
         sweep: of scans whose beams were taken one after another; None if all were taken at once.
         seconds: what the replay took; left out of files, which must not depend on the machine.
     """
@@ -55,6 +57,7 @@ class ReplaySummary:
     verdict: Verdict = "good"
     reasons: tuple[Reason, ...] = ()
     sweep: SweepSummary | None = None
+    loop_check: LoopCheck | None = None
     seconds: float = field(default=0.0)
 
     @property
@@ -79,6 +82,7 @@ class ReplaySummary:
             "distance_m": round(self.distance_m, 3),
             "duration_s": round(self.duration_s, 3),
             "loops": self.loops,
+            **({} if self.loop_check is None else {"loop_check": self.loop_check.document()}),
             "mean_score": None if self.mean_score is None else round(self.mean_score, 4),
             "odometry_jumps": self.odometry_jumps,
             "odometry_faults": self.odometry_faults,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from mapcli.model.loop_check import LoopCheck
 from mapcli.model.reason import Reason
 from mapcli.model.summary import LIMIT_FIELDS, OF_THIS_RUN, ReplaySummary
 
@@ -52,6 +53,20 @@ def test_the_document_literally() -> None:
             {"kind": "range_unit", "from_s": 0.0, "to_s": 59.9, "text": "far", "try": "--less"}
         ],
     }
+
+
+def test_what_loops_were_worth_is_in_the_document() -> None:
+    check = LoopCheck(-0.75382, -0.26758, -0.2, 2)
+    document = replace(SUMMARY, loop_check=check).document()
+    assert document["loop_check"] == {
+        "likelihood_without": -0.7538,
+        "likelihood_found": -0.2676,
+        "likelihood_kept": -0.2,
+        "dropped": 2,
+    }
+    told = "a beam's log-likelihood is -0.20, without loops -0.75"
+    assert check.text() == f"{told}; 2 more were dropped, with which it was -0.27"
+    assert replace(check, dropped=0).text() == told
 
 
 def test_what_depends_on_the_machine_stays_out_of_documents() -> None:

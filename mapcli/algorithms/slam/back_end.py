@@ -1,7 +1,8 @@
 """The back end: what is done when the log has ended.
 
 1. Loop closure (`loop_closure`): where did the robot come back, and what does the pose graph say
-   then about the submaps' poses?
+   then about the submaps' poses? Loops with which the beams are explained worse are dropped
+   (`loop_check`).
 2. Corrections (`submaps.apply_corrections`): every scan moves with its submap.
 3. Map refinement: all scans are fitted at once to the surfels of the whole map
    (`map_refinement`), point by point where beams were taken one after another
@@ -15,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
+from mapcli.algorithms.slam.loop_check import keep_loops_that_help
 from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopClosureResult, LoopParameters
 from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.map_refinement import map_from_keyframes, refine
@@ -22,6 +24,7 @@ from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.submaps import apply_corrections
 from mapcli.algorithms.slam.sweep_refinement import refine_sweeps
+from mapcli.model.loop_check import LoopCheck
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import information_from_covariance
 from mapcli.model.sweep_summary import Crispness
@@ -37,6 +40,7 @@ class BackEndResult:
         grid: the map that the keyframes make at these poses.
         loops: that were closed, between scans.
         crispness: what deskewing was worth; None if all beams of a scan were taken at once.
+        loop_check: what loops were worth; None if none was found.
         unjoined: first and last scans of pieces that no loop has joined with the first one.
     """
 
@@ -45,6 +49,7 @@ class BackEndResult:
     loops: tuple[Loop, ...] = ()
     crispness: Crispness | None = None
     unjoined: tuple[tuple[int, int], ...] = ()
+    loop_check: LoopCheck | None = None
 
 
 def finalise(
@@ -60,7 +65,10 @@ def finalise(
         trajectory: with one keyframe at least.
         progress: called with the number of each submap when its loops have been searched.
     """
-    closed = LoopCloser(trajectory.keyframes, map_, loops).run(progress)
+    closer = LoopCloser(trajectory.keyframes, map_, loops)
+    closer.run(progress)
+    check = keep_loops_that_help(closer, trajectory)
+    closed = closer.result()
     poses = apply_corrections(trajectory, closed.submaps, closed.origins)
     crispness: Crispness | None = None
     if trajectory.sweeps:
@@ -72,7 +80,8 @@ def finalise(
     poses = [trajectory.poses[0], *(start.compose(pose) for pose in poses[1:])]
     grid = map_from_keyframes(trajectory, poses, map_)
     loops_closed = loops_between_scans(trajectory, closed)
-    return BackEndResult(poses, grid, loops_closed, crispness, unjoined_scans(trajectory, closed))
+    unjoined = unjoined_scans(trajectory, closed)
+    return BackEndResult(poses, grid, loops_closed, crispness, unjoined, check)
 
 
 def loops_between_scans(

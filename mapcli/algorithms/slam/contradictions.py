@@ -16,8 +16,9 @@ is seen, a scan agrees as well half a metre away. So it is asked, too, whether i
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +62,11 @@ it is: fewer may be people, or noise."""
 
 MARGIN = 2 + int(AWAY_CELLS)
 """Cells around all ends."""
+
+LOG_CONTRADICTED, LOG_UNSEEN = math.log(0.05), math.log(0.5)
+"""Log-likelihoods of an end that other visits contradict, for one in twenty is of something that
+moved, and of one where none of them saw anything, beside one that they confirm: visits that have
+nothing to do with each other confirm half of what they see."""
 
 FEWEST_ENDS, LEAST_SHARE = 10, 0.3
 """Ends, and share of a scan's ends, that others must have seen for a comparison to count."""
@@ -131,20 +137,55 @@ class Agreement:
     fixed_near: bool = True
 
 
+class Explained(NamedTuple):
+    """How well other visits explain a scan.
+
+    Attributes:
+        scan: its number; ends: of its beams.
+        nats: the log-likelihood of all of them.
+        contradicted: those that others contradict.
+    """
+
+    scan: int
+    ends: int
+    nats: float
+    contradicted: int
+
+
 def compare_scans(scans: Sequence[SampledScan], poses: Sequence[Pose2D]) -> list[Agreement]:
     """How each of the scans agrees with the others in the map.
 
     Args:
         scans: of a `ScanSample`; poses: of every scan of the log, in the map.
     """
-    blind = [Agreement(one.scan, None, None, False, False) for one in scans if not len(one.ends)]
+    found = [Agreement(one.scan, None, None, False, False) for one in scans if not len(one.ends)]
+    found += [_agreement(*view) for view in _views(scans, poses)]
+    return sorted(found, key=lambda one: one.scan)
+
+
+def explain_scans(scans: Sequence[SampledScan], poses: Sequence[Pose2D]) -> list[Explained]:
+    """How well other visits explain each of the scans, as of `compare_scans`."""
+    explained = []
+    for scan, ends, apart, _ in _views(scans, poses):
+        confirmed, contradicted = compare_view(apart, ends)
+        unseen = len(ends) - confirmed - contradicted
+        nats = LOG_CONTRADICTED * contradicted + LOG_UNSEEN * unseen
+        explained.append(Explained(scan, len(ends), nats, contradicted))
+    return explained
+
+
+def _views(
+    scans: Sequence[SampledScan], poses: Sequence[Pose2D]
+) -> Iterator[tuple[int, NDArray[np.float32], ViewCounts, ViewCounts]]:
+    """Each scan that saw something: its number, its ends, and what scans of other visits and
+    scans nearby saw, until the next one."""
     placed = _Placed.of([scan for scan in scans if len(scan.ends)], poses)
     if placed is None:
-        return blind
+        return
     apart, near = placed.nothing(), placed.nothing()
     for k in range(len(placed.ends)):
         placed.count(apart, k, 1)
-    found, first, last = blind, 0, 0
+    first = last = 0
     for k, way in enumerate(placed.way):
         while last < len(placed.way) and placed.way[last] <= way + APART_M:
             placed.count(near, last, 1)
@@ -155,9 +196,8 @@ def compare_scans(scans: Sequence[SampledScan], poses: Sequence[Pose2D]) -> list
             placed.count(apart, first, 1)
             first += 1
         placed.count(near, k, -1)
-        found.append(_agreement(placed.scans[k], placed.ends[k], apart, near))
+        yield placed.scans[k], placed.ends[k], apart, near
         placed.count(near, k, 1)
-    return sorted(found, key=lambda one: one.scan)
 
 
 def _agreement(

@@ -11,8 +11,8 @@ loop is ACCEPTED only when
    nowhere else as well (`LoopCloser.is_reliable`);
 3. another loop next to it says the same (`LoopCloser.accept`): pairwise consistency;
 
-and it is dropped again when all loops together contradict it (`LoopCloser.prune`). Until then it
-has a robust kernel in the graph (`pose_graph`).
+and it is dropped again when all loops together contradict it (`LoopCloser.prune`; until then it
+has a robust kernel in the graph, `pose_graph`), or the beams do (`loop_check`).
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ class LoopCloser:
     """One run over a trajectory (stateful: the graph grows).
 
     Attributes:
-        submaps: of the trajectory; metres: driven until each submap's origin.
+        submaps: of the trajectory; metres: driven until each one's origin; tracked_poses: of those.
         graph: a pose for each submap; edges along the trajectory, and loops.
         unconfirmed: loops that wait for another one that is consistent with them.
         accepted: loops in the graph.
@@ -130,7 +130,8 @@ class LoopCloser:
         self.keyframes, self.parameters = keyframes, parameters
         self.submaps = split_into_submaps(keyframes)
         self.matcher = SubmapMatcher(keyframes, map_)
-        self.graph = PoseGraph([keyframes[s.origin].pose for s in self.submaps])
+        self.tracked_poses = [keyframes[s.origin].pose for s in self.submaps]
+        self.graph = PoseGraph(self.tracked_poses)
         for k, (a, b) in enumerate(pairwise(s.origin for s in self.submaps)):
             self.graph.add(self._tracked_edge(k, a, b))
         self.metres = np.array([keyframes[s.origin].metres for s in self.submaps])
@@ -161,6 +162,10 @@ class LoopCloser:
         if self._pending_factors:
             self.graph.optimise(is_near_optimum=True)
         self.prune()
+        return self.result()
+
+    def result(self) -> LoopClosureResult:
+        """What the loops that are accepted by now make."""
         loops, scores = [one.edge for one in self.accepted], [one.score for one in self.accepted]
         unjoined = self.pieces.unjoined()
         return LoopClosureResult(self.submaps, self.graph.poses, loops, scores, unjoined)
@@ -179,9 +184,8 @@ class LoopCloser:
         """Look for a submap among those of pieces that its own is not joined with."""
         for group in self.pieces.others(new):
             others = self.pieces.members(group, new)
-            if not self._wide_search.is_due(new, others):
-                continue
-            found = self._wide_search.find(new, others)
+            is_due = self._wide_search.is_due(new, others)
+            found = self._wide_search.find(new, others) if is_due else None
             if found is not None:
                 self._match(found.old, new, found.pose, CLOSE_WINDOW)
 
@@ -219,7 +223,7 @@ class LoopCloser:
         confirmed: set[Edge] = set()
         for loop in self._loops_to[newest]:
             for other in self._loops_before(newest):
-                if self._are_consistent(loop, other):
+                if self.are_consistent(loop, other):
                     confirmed |= {loop, other}
         taken = [one for one in self.unconfirmed if one.edge in confirmed]
         for one in taken:
@@ -249,7 +253,7 @@ class LoopCloser:
                 break
             yield from self._loops_to[k]
 
-    def _are_consistent(self, one: Edge, other: Edge) -> bool:
+    def are_consistent(self, one: Edge, other: Edge) -> bool:
         """Whether two loops say the same, going round the cycle that they make: back by the one,
         along the old trajectory, and by the other one again to the new trajectory must lead where
         the new trajectory leads by itself."""
@@ -257,21 +261,17 @@ class LoopCloser:
         old = abs(self.metres[one.from_] - self.metres[other.from_])
         if old > 2 * APART_M or not self._are_alongside(one, other):
             return False
-        before = self._tracked(one.from_).between(self._tracked(other.from_))
+        before = self.tracked_poses[one.from_].between(self.tracked_poses[other.from_])
         around = one.measured.inverse().compose(before).compose(other.measured)
-        error = self._tracked(one.to).between(self._tracked(other.to)).between(around)
+        error = self.tracked_poses[one.to].between(self.tracked_poses[other.to]).between(around)
         is_near = math.hypot(error.x, error.y) <= CONSISTENT_M + CONSISTENT_M_PER_M * (new + old)
         turn = math.radians(CONSISTENT_DEG + CONSISTENT_DEG_PER_M * (new + old))
         return is_near and abs(error.theta) <= turn
 
     def _are_alongside(self, one: Edge, other: Edge) -> bool:
-        """Whether two loops are between the same two pieces, so that tracking leads from the one to
-        the other on both sides."""
+        """Whether tracking leads from a loop to another on both sides: by the same pieces."""
         of = self.pieces.of
         return of[one.from_] == of[other.from_] and of[one.to] == of[other.to]
-
-    def _tracked(self, submap: int) -> Pose2D:
-        return self.keyframes[self.submaps[submap].origin].pose
 
     def update_graph(self, accepted: list[Edge]) -> None:
         """Optimise the graph, unless loops only say what many before have said."""
@@ -282,6 +282,13 @@ class LoopCloser:
         if contradicts or self._pending_factors >= PENDING_SHARE * len(self.accepted):
             self.graph.optimise(is_near_optimum=not contradicts)
             self._pending_factors = 0
+
+    def keep(self, loops: list[ScoredLoop], graph: PoseGraph) -> None:
+        """Drop all loops but these, of a graph with them."""
+        self.accepted, self.graph = loops, graph
+        self.pieces = Pieces(self.keyframes, self.submaps)
+        for one in loops:
+            self.pieces.join(one.edge.from_, one.edge.to)
 
     def prune(self) -> None:
         """Outlier rejection after optimisation: drop loops whose residual exceeds `PRUNE_GATE`."""

@@ -115,6 +115,15 @@ class PoseGraph:
         self._edges_at[edge.from_].append(edge)
         self._edges_at[edge.to].append(edge)
 
+    def with_loops(self, loops: set[Edge]) -> PoseGraph:
+        """The same graph with some of its loops only, optimised."""
+        graph = PoseGraph(self.poses)
+        for edge in self.edges:
+            if not edge.is_loop or edge in loops:
+                graph.add(edge)
+        graph.optimise()
+        return graph
+
     def remove(self, edge: Edge) -> None:
         self.edges.remove(edge)
         self._factors.clear()

@@ -201,6 +201,7 @@ class ReplayRun:
             verdict=verdict_of(reasons),
             reasons=reasons,
             sweep=self._sweep_summary(),
+            loop_check=self.finalised.loop_check if self.finalised else None,
         )
 
     def _reasons(self, trace: PoseTrace) -> tuple[Reason, ...]:
