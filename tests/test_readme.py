@@ -65,8 +65,8 @@ def run_in(folder: str, command: str) -> str:
     ).stdout
 
 
-def with_real_output(folder: str) -> str:
-    """The README as it would be if every command and the Python had just been run."""
+def with_real_output(folder: str, page: str = README) -> str:
+    """A page as it would be if every command and the Python in it had just been run."""
 
     def rerun(block: re.Match[str]) -> str:
         return "".join(f"$ {line}\n{run_in(folder, line)}" for line in commands(block[0]))
@@ -76,7 +76,7 @@ def with_real_output(folder: str) -> str:
         return f"{code[0].rpartition('  # ')[0]}  # {said}"
 
     shutil.copytree(ROOT / "fixtures", Path(folder, "fixtures"))
-    return PYTHON.sub(recompute, CONSOLE.sub(rerun, README))
+    return PYTHON.sub(recompute, CONSOLE.sub(rerun, page))
 
 
 def masked(text: str) -> str:
