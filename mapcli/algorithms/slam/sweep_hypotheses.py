@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.slam.slam import SlamParameters
-from mapcli.algorithms.slam.sweep_trial import SweepTrial
+from mapcli.algorithms.slam.sweep_trial import CERTAIN, SweepTrial
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan, Record, in_order, turning
 from mapcli.model.sweep import AT_ONCE, BeamOrder
@@ -23,6 +23,9 @@ FEWEST, MOST = 10, 80
 SURE = 5.0
 """Standard deviations of what scans ask for as the time of a turn, from which on its sign is that
 of the right one."""
+
+LIKELY = 2.0
+"""Standard errors by which scores must be better with a time that the scans ask for that surely."""
 
 LONGEST_TURN_S = 0.5
 """Lasers on robots turn twice a second at least."""
@@ -113,7 +116,8 @@ class TimeSearch:
         order: BeamOrder = "forward" if asked.seconds > 0 else "backward"
         close_s = LEFT * abs(asked.seconds)
         turn_s, trial = self._best(list(held), order, period_s, close_s)
-        return (order, turn_s) if trial.is_better_than(self._at_once) else (None, 0.0)
+        sigmas = LIKELY if abs(asked.seconds) > SURE * asked.error else CERTAIN
+        return (order, turn_s) if trial.is_better_than(self._at_once, sigmas) else (None, 0.0)
 
     def _best(
         self, records: list[Record], order: BeamOrder, period_s: float, close_s: float

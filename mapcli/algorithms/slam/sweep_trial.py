@@ -27,7 +27,8 @@ FEWEST = 10
 """Scans under which the robot moves that trials are compared by, at least."""
 
 CERTAIN = 4.0
-"""Standard errors of the mean by which the scores of a trial exceed those of another."""
+"""Standard errors of the mean by which the scores of a trial exceed those of another beyond
+doubt."""
 
 
 class TimeEstimate(NamedTuple):
@@ -83,14 +84,14 @@ class SweepTrial:
         """Median seconds from a scan of a laser to its next one; 0 is not known."""
         return float(np.median(self._periods_s)) if self._periods_s else 0.0
 
-    def is_better_than(self, other: SweepTrial) -> bool:
-        """Whether scans that were taken while the robot moved fit better beyond doubt than in a
-        trial that began with the same scan."""
+    def is_better_than(self, other: SweepTrial, sigmas: float = CERTAIN) -> bool:
+        """Whether scans that were taken while the robot moved fit better than in a trial that began
+        with the same scan, by so many standard errors."""
         pairs = zip(self._scores, other._scores, self._moved, other._moved, strict=False)
         gains = [mine - its for mine, its, moved, also in pairs if moved or also]
         if len(gains) < FEWEST:
             return False
-        return float(np.mean(gains)) > CERTAIN * float(np.std(gains)) / math.sqrt(len(gains))
+        return float(np.mean(gains)) > sigmas * float(np.std(gains)) / math.sqrt(len(gains))
 
     def estimate(self) -> TimeEstimate:
         """What the scans ask for.
