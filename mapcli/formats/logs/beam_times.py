@@ -1,7 +1,9 @@
 """When the beams of a log's scans are taken: what its `time_increment` is worth.
 
-Drivers that know the time from beam to beam publish it; others leave it 0, and all beams are taken
-for taken at once then. Some publish nonsense. Whoever knows better says how long a turn takes.
+Drivers that know the time from beam to beam publish it; others leave it 0, and some publish
+nonsense: days, or seconds as if they were milliseconds. All beams count as taken at once then,
+unless the scans show otherwise (`algorithms.slam.sweep_search`) or somebody says how long a turn
+takes.
 """
 
 from __future__ import annotations
@@ -16,7 +18,8 @@ import numpy as np
 
 from mapcli.model.log import Entry, LogOptions
 from mapcli.model.scan import NANOSECONDS, Mount, RangeScan
-from mapcli.model.sweep import AT_ONCE, BeamTiming
+from mapcli.model.sweep import BeamTiming
+from mapcli.model.sweep_summary import turn_time
 
 CHECKED_SCANS = 100
 """Scans whose stamps tell how often scans come."""
@@ -24,6 +27,9 @@ CHECKED_SCANS = 100
 LONGEST_SWEEP = 1.1
 """A sweep takes at most so many times what is between two stamps: no laser begins the next one
 before it has ended the last."""
+
+SHORTEST_TURN_S = 1e-3
+"""No laser turns a thousand times a second; those on robots turn 5 to 100 times."""
 
 
 def with_beam_times(
@@ -40,6 +46,7 @@ def with_beam_times(
         for record in records:
             yield _turning(record, options.turn_time, options)
         return
+    untold = BeamTiming(0.0, options.scan_stamp, None)
     records = iter(records)
     for record in records:
         if isinstance(record, RangeScan) and record.timing.increment != 0:
@@ -47,6 +54,8 @@ def with_beam_times(
             check = _IncrementCheck(held, options, note)
             yield from map(check.timed, held)
             yield from map(check.timed, records)
+        elif isinstance(record, RangeScan) and record.timing.order is None:
+            yield record if record.timing == untold else replace(record, timing=untold)
         else:
             yield record
 
@@ -84,26 +93,32 @@ def _periods(records: Iterable[Entry]) -> defaultdict[Mount, float]:
 
 
 class _IncrementCheck:
-    """Whether times from beam to beam can be believed."""
+    """Whether times from beam to beam can be believed (stateful: it says once that they cannot)."""
 
     def __init__(
         self, records: list[Entry], options: LogOptions, note: Callable[[str], None]
     ) -> None:
         self._periods = _periods(records)
         self._options, self._note = options, note
+        self._is_said = False
 
     def timed(self, record: Entry) -> Entry:
-        """A scan with the times of its beams, taken at once if those of the log make no sense."""
+        """A scan with the times of its beams; without any if those of the log make no sense."""
         if not isinstance(record, RangeScan) or record.timing.increment == 0:
             return record
-        increment, timing = record.timing.increment, AT_ONCE
+        increment = record.timing.increment
         span, period = record.timing.span(len(record.ranges)), self._periods[record.mount]
-        if increment > 0 and span <= LONGEST_SWEEP * period:
-            timing = _timing(increment, self._options)
-        else:
-            self._note(
-                f"time_increment is {increment:g} s, {span:,.4g} s from the first beam to the last "
-                f"where scans come every {period:.4g} s: not used, all beams count as taken "
-                "at once"
-            )
-        return replace(record, timing=timing)
+        if span <= LONGEST_SWEEP * period and turn_time(record) >= SHORTEST_TURN_S:
+            return replace(record, timing=_timing(increment, self._options))
+        self._say(increment, span, period)
+        return replace(record, timing=BeamTiming(0.0, self._options.scan_stamp, None))
+
+    def _say(self, increment: float, span: float, period: float) -> None:
+        if self._is_said:
+            return
+        self._is_said = True
+        self._note(
+            f"time_increment is {increment:g} s, {span:,.4g} s from the first beam to the last "
+            f"where scans come every {period:.4g} s: not used, all beams count as taken at once "
+            "unless the scans show otherwise"
+        )

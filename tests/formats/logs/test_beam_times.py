@@ -50,11 +50,11 @@ def test_a_sweep_that_fits_between_two_stamps_is_believed(increment: float) -> N
     assert not notes
 
 
-@pytest.mark.parametrize("increment", [1.11e-3, 86400.0, math.inf, -1e-3, math.nan])
+@pytest.mark.parametrize("increment", [1.11e-3, 86400.0, math.inf, -1e-3, math.nan, 2.2e-7])
 def test_others_are_reported_and_not_used(increment: float) -> None:
     found, notes = timings(every_100_ms(increment))
-    assert found == [AT_ONCE] * 20
-    assert len(notes) == len(set(notes)) or len(set(notes)) == 1
+    assert found == [BeamTiming(order=None)] * 20  # to be found from the scans
+    assert len(notes) == 1
     assert "not used" in notes[0]
     assert "time_increment" in notes[0]
 
@@ -65,6 +65,22 @@ def test_no_time_from_beam_to_beam_takes_all_at_once_and_holds_nothing_back() ->
         raise AssertionError("another record was asked for")
 
     assert next(with_beam_times(records(), LogOptions(), print)) is not None
+
+
+@pytest.mark.parametrize("increment", [0.0, 5.0])
+def test_what_the_stamp_is_of_counts_for_times_that_are_found_too(increment: float) -> None:
+    found, _ = timings(every_100_ms(increment), scan_stamp="last")
+    assert found == [BeamTiming(0.0, "last", None)] * 20
+
+
+def test_all_at_once_is_not_searched_for_where_it_is_said() -> None:
+    found, _ = timings(every_100_ms(1e-3), turn_time=0.0)
+    assert found == [AT_ONCE] * 20
+
+
+def test_nonsense_is_reported_once_however_it_varies() -> None:
+    _, notes = timings([scan(100 * k, 2e-7 + 1e-9 * k) for k in range(CHECKED_SCANS + 50)])
+    assert len(notes) == 1
 
 
 def test_the_median_counts() -> None:
@@ -79,7 +95,7 @@ def test_scans_after_those_that_are_checked_are_judged_as_well() -> None:
     records[-1] = scan(100 * (CHECKED_SCANS + 19), 5.0)
     found, notes = timings(records)
     assert found[:-1] == [BeamTiming(1e-3, order=None)] * (CHECKED_SCANS + 19)
-    assert found[-1] == AT_ONCE
+    assert found[-1] == BeamTiming(order=None)
     assert len(notes) == 1
 
 
