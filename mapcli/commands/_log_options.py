@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import click
 
 from mapcli.commands._mount_types import LaserPoseType, SensorType
-from mapcli.commands._options import FILE, NOT_NEGATIVE
+from mapcli.commands._options import FILE, NOT_NEGATIVE, NumberList
 from mapcli.commands._say import say, warn
 from mapcli.formats.logs.csv.sensors_file import existing_sensors_file
 from mapcli.formats.logs.open_log import Log, open_log
@@ -66,12 +66,25 @@ OPTIONS = (
         help="Where the scans are, if there are several. Repeatable, for several lasers that "
         f"make one map; `{ALL_TOPICS}` takes every topic of scans.",
     ),
-    click.option("--odom-topic", metavar="TOPIC", help="Where the odometry is; may be /tf."),
+    click.option(
+        "--odom-topic",
+        metavar="TOPIC",
+        help="Where the odometry is; may be /tf, "
+        "whatever its frames are called, or a topic of poses.",
+    ),
     click.option(
         "--laser-pose",
         type=LaserPoseType(),
         help="Where the laser sits on the robot, in metres and degrees, instead of what the log "
         "says; `flip` if it hangs upside down.",
+    ),
+    click.option(
+        "--cloud-height",
+        type=NumberList("LO,HI"),
+        default=DEFAULTS.cloud_height,
+        show_default=True,
+        help="Of a point cloud (PointCloud2, read where there are no scans), the points so high "
+        "above its sensor, metres; of each bearing, the nearest counts.",
     ),
     click.option(
         "--sensor",
@@ -163,6 +176,7 @@ def log_input_options(command: Command) -> Command:
         scan_topics: tuple[str, ...],
         odom_topic: str | None,
         laser_pose: Mount | None,
+        cloud_height: tuple[float, float],
         sensors: tuple[tuple[str, Mount], ...],
         sensors_file: str | None,
         time_source: Any,
@@ -180,10 +194,13 @@ def log_input_options(command: Command) -> Command:
     ) -> Any:
         if start is not None and end is not None and end < start:
             raise click.UsageError("--end is before --start.")
+        if cloud_height[0] >= cloud_height[1]:
+            raise click.UsageError("--cloud-height LO,HI: HI is not above LO.")
         options = LogOptions(
             scan_topics=scan_topics,
             odom_topic=odom_topic,
             laser_pose=laser_pose,
+            cloud_height=cloud_height,
             sensors=sensors,
             sensors_file=sensors_file,
             time_source=time_source,

@@ -11,7 +11,9 @@ from mapcli.model.scan import Mount, Record
 from mapcli.model.sweep import BeamOrder, ScanStamp
 
 SensorKind = Literal["distance", "switch", "ground"]
-Role = Literal["scan", "range", "odometry", "tf", "tf_static", "other"]
+Role = Literal["scan", "range", "cloud", "odometry", "pose", "tf", "tf_static", "other"]
+"""What a topic can be used for. Clouds are read as scans where there are no others; poses as
+odometry where they are named as such, since they may be the truth, or another tool's estimate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +50,7 @@ class LogOptions:
         scan_topics: by name, one for each laser, or `ALL_TOPICS`; empty finds the only candidate.
         odom_topic: by name; None finds the only candidate.
         laser_pose: overrides the mount that the log tells.
+        cloud_height: metres above the sensor of a cloud between which its points count.
         sensors: (topic, mount) of range sensors, instead of what the log tells.
         sensors_file: YAML that says where the sensors of a CSV log sit; None looks beside it.
         time_source: `header` uses the stamp inside a message, `log` the time it was recorded at.
@@ -62,6 +65,7 @@ class LogOptions:
     scan_topics: tuple[str, ...] = ()
     odom_topic: str | None = None
     laser_pose: Mount | None = None
+    cloud_height: tuple[float, float] = (-0.1, 0.1)
     sensors: tuple[tuple[str, Mount], ...] = ()
     sensors_file: str | None = None
     time_source: Literal["header", "log"] = "header"

@@ -101,7 +101,7 @@ def _open(kind: Kind, sources: Sequence[Source], options: LogOptions) -> Log:
         from mapcli.formats.logs.csv.reader import CsvLog
 
         return CsvLog(sources, options)
-    from mapcli.formats.logs.mcap.reader import MessageLog
+    from mapcli.formats.logs.message_log import MessageLog
 
     return MessageLog(sources, options, _container(kind))
 

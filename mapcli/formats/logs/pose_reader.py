@@ -3,35 +3,19 @@ estimate."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from operator import itemgetter
-from typing import Any
 
 import numpy as np
 
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.logs.log import Source
-from mapcli.formats.logs.mcap.reader import kind_of_type, topics_of, unpacked
 from mapcli.formats.logs.message_file import MessageFile
+from mapcli.formats.logs.message_kinds import decoder_of, topics_of, unpacked
 from mapcli.formats.logs.open_log import open_files
-from mapcli.formats.logs.ros import decode, decode_ros1
-from mapcli.formats.logs.ros.decode import OdometryMessage, PoseMessage
 from mapcli.formats.logs.topics import LogNames
 from mapcli.model.log import Damage, Topic
 from mapcli.model.trajectory import Trajectory
-
-STAMPED, ODOMETRY = ("PoseStamped", "PoseWithCovarianceStamped"), "Odometry"
-"""Types of poses, by their last parts. Odometry is used only when its topic is named."""
-
-Decoder = Callable[[Any], PoseMessage | OdometryMessage]
-DECODERS: dict[tuple[str, str], Decoder] = {
-    **{(kind, "cdr"): decode.pose_from_cdr for kind in STAMPED},
-    **{(kind, "ros1"): decode_ros1.pose_from_ros1 for kind in STAMPED},
-    (ODOMETRY, "cdr"): decode.odometry_from_cdr,
-    (ODOMETRY, "json"): decode.odometry_from_json,
-    (ODOMETRY, "ros1"): decode_ros1.odometry_from_ros1,
-}
-"""Last part of a type's name, and encoding -> decoder."""
 
 TRUTH_TOPIC = LogNames().truth_topic
 """Where `mapcli simulate` writes the true poses; preferred to other topics."""
@@ -65,7 +49,7 @@ def _poses(
     topic: Topic, carriers: Sequence[tuple[MessageFile, int]], damage: Damage
 ) -> Iterator[tuple[int, float, float, float]]:
     """Stamp, x, y and theta of each message."""
-    decoder = DECODERS[kind_of_type(topic.type), topic.encoding]
+    decoder = decoder_of(topic)
     for file, number in carriers:
         for log_time, _, data, lost in file.messages({number}, damage):
             if lost:
@@ -81,13 +65,13 @@ def _poses(
 
 
 def choose_pose_topic(topics: Sequence[Topic], wanted: str | None, file: str) -> Topic:
-    """The topic named, or `TRUTH_TOPIC`, or the only one of stamped poses.
+    """The topic named, or `TRUTH_TOPIC`, or the only one of stamped poses; odometry only if named.
 
     Raises:
         DataError: as of `read_logged_poses`.
     """
-    readable = [t for t in topics if (kind_of_type(t.type), t.encoding) in DECODERS and t.count]
-    poses = [t for t in readable if kind_of_type(t.type) in STAMPED]
+    readable = [t for t in topics if t.role in ("pose", "odometry") and t.count]
+    poses = [t for t in readable if t.role == "pose"]
     if wanted is not None:
         poses = [topic for topic in readable if topic.name == wanted]
     elif len(poses) > 1:

@@ -9,6 +9,9 @@ from mapcli.errors import DataError
 from mapcli.model.counting import counted
 from mapcli.model.log import ALL_TOPICS, Role, Topic
 
+SCANS: tuple[Role, ...] = "scan", "range", "cloud"
+"""Roles of topics whose messages are scans."""
+
 
 class LogNames(NamedTuple):
     """Topics that records go to, and names of frames. A second mount in the same log gets
@@ -37,7 +40,7 @@ def choose_scan_topics(
     Raises:
         DataError: see `Log.require_scan_topics`.
     """
-    candidates = _candidates(topics, "scan")
+    candidates = _candidates(topics, "scan") or _candidates(topics, "cloud")
     if not candidates and (sensors := _candidates(topics, "range")):
         candidates, wanted = sensors, wanted or (ALL_TOPICS,)
     if wanted and ALL_TOPICS not in wanted:
@@ -70,22 +73,25 @@ def check_sensors(named: Sequence[str], topics: Sequence[Topic], name: str) -> N
 
 
 def _named(topics: Sequence[Topic], wanted: str, name: str) -> Topic:
-    found = _candidates(topics, "scan", wanted) + _candidates(topics, "range", wanted)
+    found = [topic for role in SCANS for topic in _candidates(topics, role, wanted)]
     if len(found) != 1:
-        known = _candidates(topics, "scan") + _candidates(topics, "range")
+        known = [topic for role in SCANS for topic in _candidates(topics, role)]
         listed = _listed(known, " among ")
         raise DataError(f"no scan topic {wanted}{listed}", file=name)
     return found[0]
 
 
 def choose_odom_topic(topics: Sequence[Topic], wanted: str | None, name: str) -> Topic | None:
-    """The topic to read odometry from: the one named, the only candidate, or else /tf.
+    """The topic to read odometry from: the one named, the only candidate, or else /tf. One of poses
+    must be named.
 
     Raises:
         DataError: see `Log.find_odom_topic`.
     """
     odometry = _candidates(topics, "odometry", wanted)
     transforms = _candidates(topics, "tf", wanted)
+    if wanted is not None:
+        odometry += _candidates(topics, "pose", wanted)
     if len(odometry) > 1:
         raise DataError(
             f"several odometry topics{_listed(odometry, ': ')}",
@@ -93,7 +99,8 @@ def choose_odom_topic(topics: Sequence[Topic], wanted: str | None, name: str) ->
             expected="one of them named with --odom-topic",
         )
     if wanted is not None and not odometry + transforms:
-        known = _candidates(topics, "odometry") + _candidates(topics, "tf")
+        roles: tuple[Role, ...] = "odometry", "tf", "pose"
+        known = [topic for role in roles for topic in _candidates(topics, role)]
         raise DataError(f"no odometry topic {wanted}{_listed(known, ' among ')}", file=name)
     return next(iter(odometry + transforms), None)
 

@@ -117,8 +117,8 @@ _BAD_BYTES = (
 
 @refuses
 def scan_from_cdr(data: Buffer) -> LaserScan:
-    order, body = _opened(data)
-    stamp, frame, at = _header(order, body, 0)
+    order, body = opened(data)
+    stamp, frame, at = header_at(order, body, 0)
     at += -at % 4
     angle_min, angle_max, increment, seconds, _, low, high, n = struct.unpack_from(
         f"{order}7fI", body, at
@@ -129,16 +129,16 @@ def scan_from_cdr(data: Buffer) -> LaserScan:
 
 @refuses
 def range_from_cdr(data: Buffer) -> RangeMessage:
-    order, body = _opened(data)
-    stamp, frame, at = _header(order, body, 0)
+    order, body = opened(data)
+    stamp, frame, at = header_at(order, body, 0)
     at += 1  # the kind of radiation
     return RangeMessage(stamp, frame, *struct.unpack_from(f"{order}4f", body, at + -at % 4))
 
 
 @refuses
 def odometry_from_cdr(data: Buffer) -> OdometryMessage:
-    order, body = _opened(data)
-    stamp, frame, at = _header(order, body, 0)
+    order, body = opened(data)
+    stamp, frame, at = header_at(order, body, 0)
     child, at = _string(order, body, at)
     x, y, _, *quaternion = struct.unpack_from(f"{order}7d", body, at + -at % 8)
     return OdometryMessage(stamp, frame, child, planar_pose((x, y), quaternion))
@@ -146,19 +146,19 @@ def odometry_from_cdr(data: Buffer) -> OdometryMessage:
 
 @refuses
 def pose_from_cdr(data: Buffer) -> PoseMessage:
-    order, body = _opened(data)
-    stamp, frame, at = _header(order, body, 0)
+    order, body = opened(data)
+    stamp, frame, at = header_at(order, body, 0)
     x, y, _, *quaternion = struct.unpack_from(f"{order}7d", body, at + -at % 8)
     return PoseMessage(stamp, frame, planar_pose((x, y), quaternion))
 
 
 @refuses
 def transforms_from_cdr(data: Buffer) -> list[Transform]:
-    order, body = _opened(data)
+    order, body = opened(data)
     (n,) = struct.unpack_from(f"{order}I", body, 0)
     transforms, at = [], 4
     for _ in range(n):
-        stamp, parent, at = _header(order, body, at)
+        stamp, parent, at = header_at(order, body, at)
         child, at = _string(order, body, at)
         at += -at % 8
         numbers = struct.unpack_from(f"{order}7d", body, at)
@@ -167,7 +167,7 @@ def transforms_from_cdr(data: Buffer) -> list[Transform]:
     return transforms
 
 
-def _opened(data: Buffer) -> tuple[str, Buffer]:
+def opened(data: Buffer) -> tuple[str, Buffer]:
     """Byte order (plain CDR, big or little endian, as the first four bytes tell), and the rest."""
     kind = bytes(data[:2])
     if kind not in (b"\0\0", b"\0\1"):
@@ -175,7 +175,7 @@ def _opened(data: Buffer) -> tuple[str, Buffer]:
     return "<" if kind[1] else ">", data[4:]
 
 
-def _header(order: str, body: Buffer, at: int) -> tuple[int, str, int]:
+def header_at(order: str, body: Buffer, at: int) -> tuple[int, str, int]:
     """Stamp, frame and end of a std_msgs/msg/Header. Numbers start at multiples of their size."""
     at += -at % 4
     seconds, nanoseconds = struct.unpack_from(f"{order}iI", body, at)
@@ -204,7 +204,7 @@ def _decoded(name: bytes) -> str:
 
 @refuses
 def scan_from_json(data: Buffer) -> LaserScan:
-    message = _object(data)
+    message = json_object(data)
     with np.errstate(over="ignore"):
         ranges = np.array(message["ranges"], dtype=np.float32)  # null and "NaN" become NaN
     if ranges.ndim != 1:
@@ -219,7 +219,7 @@ def scan_from_json(data: Buffer) -> LaserScan:
 
 @refuses
 def range_from_json(data: Buffer) -> RangeMessage:
-    message = _object(data)
+    message = json_object(data)
     keys = "field_of_view", "min_range", "max_range", "range"
     numbers = [_number(message.get(key)) for key in keys]
     return RangeMessage(_json_stamp(message), _json_frame(message), *numbers)
@@ -227,7 +227,7 @@ def range_from_json(data: Buffer) -> RangeMessage:
 
 @refuses
 def odometry_from_json(data: Buffer) -> OdometryMessage:
-    message = _object(data)
+    message = json_object(data)
     pose = message["pose"]["pose"]
     position, orientation = pose["position"], pose["orientation"]
     return OdometryMessage(
@@ -252,7 +252,7 @@ def transforms_from_json(data: Buffer) -> list[Transform]:
                 [float(t["transform"]["rotation"][key]) for key in "xyzw"],
             ),
         )
-        for t in _object(data)["transforms"]
+        for t in json_object(data)["transforms"]
     ]
 
 
@@ -268,7 +268,7 @@ def stamp_of(seconds: Any, nanoseconds: Any) -> int:
     return stamp
 
 
-def _object(data: Buffer) -> dict[str, Any]:
+def json_object(data: Buffer) -> dict[str, Any]:
     message = json.loads(bytes(data))
     if not isinstance(message, dict):
         raise ValueError("no JSON object")

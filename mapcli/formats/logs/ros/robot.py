@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice, pairwise
 
 from mapcli.errors import DataError
@@ -70,7 +70,12 @@ class Robot:
 
 
 def find_robot(
-    laser_frame: str, odom_child: str, static: Iterable[Transform], moving: Iterable[Transform]
+    laser_frame: str,
+    odom_child: str,
+    static: Iterable[Transform],
+    moving: Iterable[Transform],
+    *,
+    any_frame: bool = False,
 ) -> Robot:
     """Find the base frame of the robot and, where /tf has it, the odometry frame.
 
@@ -78,6 +83,8 @@ def find_robot(
         laser_frame: of the scans.
         odom_child: the child frame of odometry messages; empty where there are none.
         static, moving: the transforms of /tf_static and /tf. The latter is read as far as needed.
+        any_frame: odometry may be measured in a frame of any name: the first one up from the laser
+            in which something moves.
     """
     tree = FrameTree()
     for transform in static:
@@ -90,7 +97,14 @@ def find_robot(
             tree.add(transform.parent, transform.child, transform.motion)
     if odom_child:
         return Robot(tree, odom_child)
-    return _robot_below_odom(tree, laser_frame, still)
+    robot = _robot_below_odom(tree, laser_frame, still)
+    if robot.odom_frame is not None or not any_frame:
+        return robot
+    line = tree.ancestry(laser_frame)
+    moving_frame = _first(lambda frame: frame not in still, line[:-1])
+    if moving_frame is None:
+        return robot
+    return replace(robot, frame=moving_frame, odom_frame=tree.parent(moving_frame))
 
 
 def _robot_below_odom(tree: FrameTree, laser_frame: str, still: set[str]) -> Robot:

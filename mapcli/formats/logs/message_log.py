@@ -2,70 +2,34 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from heapq import merge
-from itertools import islice
 from operator import itemgetter
 from typing import Any
 
 from mapcli.errors import DataError
 from mapcli.formats.logs.log import Log, Source
 from mapcli.formats.logs.losses import LOST_SCANS
-from mapcli.formats.logs.mcap.frames import zstd_start
-from mapcli.formats.logs.mcap.range_topics import RangeTopics
-from mapcli.formats.logs.message_file import MessageFile, Stream
+from mapcli.formats.logs.message_file import MessageFile
+from mapcli.formats.logs.message_kinds import (
+    decoder_of,
+    kind_of_type,
+    topics_of,
+    unpacked,
+)
 from mapcli.formats.logs.mounts import describe_mount
 from mapcli.formats.logs.one_recording import Spans
-from mapcli.formats.logs.ros import decode, decode_ros1
+from mapcli.formats.logs.range_topics import RangeTopics
 from mapcli.formats.logs.ros.decode import LaserScan, Transform
 from mapcli.formats.logs.ros.laser_scan import range_scan
+from mapcli.formats.logs.ros.other_scans import Band, scan_of_cloud
 from mapcli.formats.logs.ros.robot import Robot, TfOdometry, find_robot
+from mapcli.formats.logs.ros.segments import TurnAssembler
+from mapcli.formats.logs.topics import SCANS
 from mapcli.formats.logs.units import count_units, in_metres_and_radians
 from mapcli.model.log import Damage, Delay, Entry, LogOptions, MissedScans, Role, Topic
 from mapcli.model.scan import LATEST_STAMP_S, NANOSECONDS, Mount, Odometry, RangeScan
-
-MAX_MESSAGE_BYTES = 1 << 28
-"""Of an unpacked message; a cloud of a million points has a tenth of it."""
-
-ROLES: dict[str, Role] = {
-    "LaserScan": "scan",
-    "Range": "range",
-    "Odometry": "odometry",
-    "TFMessage": "tf",
-    "tfMessage": "tf",
-}
-"""Last part of a message type's name -> role of its topic."""
-
-JSON_KEYS: dict[str, Role] = {
-    "angle_min": "scan",
-    "radiation_type": "range",
-    "child_frame_id": "odometry",
-    "transforms": "tf",
-}
-"""Key by which a JSON message without a schema is recognised -> role of its topic."""
-
-DECODERS: dict[tuple[Role, str], Callable[[Any], Any]] = {
-    ("scan", "cdr"): decode.scan_from_cdr,
-    ("range", "cdr"): decode.range_from_cdr,
-    ("range", "json"): decode.range_from_json,
-    ("odometry", "cdr"): decode.odometry_from_cdr,
-    ("tf", "cdr"): decode.transforms_from_cdr,
-    ("tf_static", "cdr"): decode.transforms_from_cdr,
-    ("scan", "json"): decode.scan_from_json,
-    ("odometry", "json"): decode.odometry_from_json,
-    ("tf", "json"): decode.transforms_from_json,
-    ("tf_static", "json"): decode.transforms_from_json,
-    ("scan", "ros1"): decode_ros1.scan_from_ros1,
-    ("range", "ros1"): decode_ros1.range_from_ros1,
-    ("odometry", "ros1"): decode_ros1.odometry_from_ros1,
-    ("tf", "ros1"): decode_ros1.transforms_from_ros1,
-    ("tf_static", "ros1"): decode_ros1.transforms_from_ros1,
-}
-
-SCANS: tuple[Role, ...] = "scan", "range"
-"""Roles of topics whose messages are scans."""
 
 Decoded = tuple[int, Topic, Any, int]
 """Log time, topic, message or missed scans, number of the file."""
@@ -78,7 +42,7 @@ class MessageLog(Log):
         FormatError: damaged, and `strict` is set.
     """
 
-    scans_are = "a topic of sensor_msgs/msg/LaserScan or Range"
+    scans_are = "a topic of sensor_msgs/msg/LaserScan, MultiEchoLaserScan, PointCloud2 or Range"
 
     def __init__(
         self,
@@ -96,7 +60,7 @@ class MessageLog(Log):
         return list(self._topics)
 
     def require_scan_topics(self) -> list[Topic]:
-        foreign = [t for t in self._topics if t.role == "other" and role_of_type(t.type) in SCANS]
+        foreign = [t for t in self._topics if t.role == "other" and _would_be_scans(t)]
         if foreign and not any(topic.role in SCANS for topic in self._topics):
             raise DataError(
                 f"{foreign[0].name} holds {foreign[0].type} in {foreign[0].encoding}",
@@ -121,7 +85,8 @@ class MessageLog(Log):
             child = self._first(odom, "child") if odom and odom.role == "odometry" else ""
             frame = self._first(self.require_scan_topics()[0], "frame")
             static, moving = self._transforms("tf_static"), self._transforms("tf")
-            self._robot = find_robot(frame, child, static, moving)
+            named = bool(odom and odom.role == "tf" and self.options.odom_topic)
+            self._robot = find_robot(frame, child, static, moving, any_frame=named)
         return self._robot
 
     def _first(self, topic: Topic, attribute: str) -> str:
@@ -144,7 +109,7 @@ class MessageLog(Log):
     def _decoded(self, part: int, topics: Sequence[Topic], damage: Damage) -> Iterator[Decoded]:
         file = self._files[part]
         carried = {
-            number: (topic, DECODERS[topic.role, topic.encoding])
+            number: (topic, decoder_of(topic))
             for topic in topics
             for carrier, number in self._topics[topic]
             if carrier is file
@@ -187,6 +152,7 @@ class MessageLog(Log):
         robot = self._known_robot(odom)
         transforms = TfOdometry(robot) if odom and odom.role == "tf" else None
         mounts: dict[str, Mount] = {}
+        turns: dict[Topic, TurnAssembler] = {}
         sensors = RangeTopics(self, robot)
         for log_time, topic, message, part in self._messages(wanted, self.damage):
             self.part = part
@@ -214,7 +180,16 @@ class MessageLog(Log):
                 continue
             if message.frame not in mounts:
                 mounts[message.frame] = self._mount(robot, message.frame, topic)
-            yield self._scan(message, stamp, mounts[message.frame], topic)
+            if topic.role == "cloud":
+                message = scan_of_cloud(message, Band(*self.options.cloud_height))
+            message = replace(message, stamp_ns=stamp)
+            for scan in turns.setdefault(topic, TurnAssembler()).add(message):
+                yield self._scan(scan, mounts[scan.frame], topic)
+        for topic, assembler in turns.items():
+            for scan in assembler.rest():
+                yield self._scan(scan, mounts[scan.frame], topic)
+            if assembler.segments > 1:
+                self.note(f"{topic.name}: {assembler.segments} messages make one turn")
 
     def _stamp(self, stamp_ns: int, log_time_ns: int, topic: Topic) -> int:
         """The stamp to use, nanoseconds, by `options.time_source`; it may be impossible."""
@@ -244,9 +219,8 @@ class MessageLog(Log):
             self.note(describe_mount(topic.name, mount))
         return mount
 
-    def _scan(
-        self, message: LaserScan, stamp: int, mount: Mount, topic: Topic
-    ) -> RangeScan | MissedScans:
+    def _scan(self, message: LaserScan, mount: Mount, topic: Topic) -> RangeScan | MissedScans:
+        stamp = message.stamp_ns
         message = in_metres_and_radians(message, self.options)
         count_units(message.ranges, message.angle_increment, self.units)
         record = range_scan(
@@ -259,70 +233,7 @@ class MessageLog(Log):
         return self._missed_scan(what, self.sources[0].name, where, stamp_ns=stamp)
 
 
-def topics_of(files: Sequence[MessageFile]) -> dict[Topic, list[tuple[MessageFile, int]]]:
-    """The topics of all files by name, with the streams that carry them."""
-    carriers: dict[tuple[str, str, str, Role], list[tuple[MessageFile, int]]] = {}
-    for file in files:
-        for number, stream in file.streams.items():
-            role = role_of_stream(file, number, stream)
-            key = stream.topic, stream.type or "no type", stream.encoding, role
-            carriers.setdefault(key, []).append((file, number))
-    topics = {}
-    for (name, type_name, encoding, role), streams in sorted(carriers.items(), key=itemgetter(0)):
-        count = sum(file.counts.get(number, 0) for file, number in streams)
-        spans = [file.spans[number] for file, number in streams if number in file.spans]
-        first = min((span[0] for span in spans), default=0)
-        last = max((span[1] for span in spans), default=0)
-        topics[Topic(name, role, type_name, encoding, count, first, last)] = streams
-    return topics
-
-
-ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-"""How a message begins that rosbag2 has packed (`--compression-mode message`); CDR begins with
-two bytes of which the first is 0."""
-
-
-def unpacked(data: memoryview) -> memoryview | bytes:
-    """A message, unpacked if it was packed by itself.
-
-    Raises:
-        ValueError: it is broken.
-    """
-    if data[:4] != ZSTD_MAGIC:
-        return data
-    content = zstd_start(bytes(data), MAX_MESSAGE_BYTES)
-    if not content:
-        raise ValueError("a packed message that is broken")
-    return content
-
-
-def role_of_stream(file: MessageFile, number: int, stream: Stream) -> Role:
-    """The role of a stream; `other` if its encoding cannot be decoded."""
-    role = role_of_type(stream.type)
-    if not stream.type and stream.encoding == "json":
-        role = _role_of_json(file, number)
-    if role == "tf" and stream.topic.endswith("tf_static"):
-        role = "tf_static"
-    readable = (role, stream.encoding) in DECODERS and "foxglove" not in stream.type
-    return role if readable else "other"
-
-
-def role_of_type(type_name: str) -> Role:
-    """By the last part."""
-    return ROLES.get(kind_of_type(type_name), "other")
-
-
-def kind_of_type(type_name: str) -> str:
-    """The last part: of `sensor_msgs/msg/LaserScan`, `sensor_msgs::msg::dds_::LaserScan_`."""
-    return re.split(r"[/:.]+", type_name)[-1].rstrip("_")
-
-
-def _role_of_json(file: MessageFile, number: int) -> Role:
-    """By the keys of the stream's first message."""
-    for message in islice(file.messages({number}, Damage()), 1):
-        try:
-            keys = json.loads(bytes(message.data)).keys()
-        except (ValueError, AttributeError, RecursionError):
-            break
-        return next((role for key, role in JSON_KEYS.items() if key in keys), "other")
-    return "other"
+def _would_be_scans(topic: Topic) -> bool:
+    """Whether a topic that is not read would be one of scans in another encoding."""
+    kind = kind_of_type(topic.type)
+    return kind is not None and kind.role in SCANS
