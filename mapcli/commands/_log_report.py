@@ -203,7 +203,8 @@ def _lines(content: dict[str, Any], verbose: bool) -> Iterator[str]:
     if scans:
         yield f"  duration    {content['duration_s']:,.1f} s"
     names = {name for listed in uses.values() if listed for name in listed.split(", ")}
-    topics = [t for t in content["topics"] if verbose or t["role"] != "other"]
+    topics = [t for t in content["topics"]
+              if verbose or t["role"] not in ("other", "pose") or t["name"] in names]  # fmt: skip
     for topic in topics:
         rate = f", {topic['rate_hz']:g} per second" if topic["rate_hz"] else ""
         used = " <- used" if topic["name"] in names else ""

@@ -116,7 +116,8 @@ def decoder_of(topic: Topic) -> Decoder:
     """What decodes the messages of a topic that has a role."""
     kind = kind_of_type(topic.type)
     if kind is None:  # without a type: by the role that the first message showed
-        kind = next(kind for kind in JSON_KEYS.values() if kind.role == topic.role)
+        role = "tf" if topic.role == "tf_static" else topic.role
+        kind = next(kind for kind in JSON_KEYS.values() if kind.role == role)
     return kind.decoders[topic.encoding]
 
 

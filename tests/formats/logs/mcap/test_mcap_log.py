@@ -134,7 +134,7 @@ def test_truth_is_not_taken_for_odometry(tmp_path: Path) -> None:
     assert [type(record) for record in again] == [RangeScan]
     assert log.odom_topic is None
     assert "no odometry: poses come from matching scans alone" in log.notes
-    assert {t.name: t.role for t in log.topics()}["/ground_truth"] == "other"
+    assert {t.name: t.role for t in log.topics()}["/ground_truth"] == "pose"
 
 
 def test_written_with_other_names(tmp_path: Path) -> None:
@@ -491,9 +491,10 @@ def test_scans_in_an_encoding_that_is_not_read(tmp_path: Path, encoding: str) ->
         read(path)
 
 
-def test_foxglove_scans_are_named(tmp_path: Path) -> None:
-    path = mcap_file(tmp_path, Sent("/s", "foxglove.LaserScan", None, S, b"{}"), encoding="json")
-    with pytest.raises(DataError, match=r"/s holds foxglove\.LaserScan in json"):
+def test_foxglove_scans_that_are_not_read_are_named(tmp_path: Path) -> None:
+    sent = Sent("/s", "foxglove.LaserScan", None, S, b"\n")
+    path = mcap_file(tmp_path, sent, encoding="protobuf")
+    with pytest.raises(DataError, match=r"/s holds foxglove\.LaserScan in protobuf"):
         read(path)
 
 
