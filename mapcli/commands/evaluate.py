@@ -109,7 +109,7 @@ def command(
     files = Files(trace, reference, self_check, odometry)
     _check_usage(files, limits)
     outputs = [name for name in (json_file, png) if name is not None]
-    check_outputs(outputs, files.inputs(), "files", no_clobber=no_clobber)
+    check_outputs(outputs, log_input.inputs(files.inputs()), "files", no_clobber=no_clobber)
     parameters = EvaluateParameters(max_diff, interpolate, *delta)
     run = EvaluateRun(files, log_input, parameters, topic, quiet=quiet, verbose=verbose)
     evaluation = run.evaluate()

@@ -84,7 +84,7 @@ def command(
 
     if out != "-" and not out.lower().endswith(".mcap"):
         raise click.UsageError(f"{out!r} does not end in .mcap.")
-    check_outputs([out], logs, "logs", no_clobber=no_clobber)
+    check_outputs([out], log_input.inputs(logs), "logs", no_clobber=no_clobber)
     log, tally = log_input.open(logs), Tally()
     records = tally.passing(log_input.records(log), log.name)
     save_log(progress(records, log.name, log.record_count, quiet=quiet), out, no_clobber=no_clobber)
