@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import zstandard
 from conformance.examples import Example, Slot, all_examples
 from conformance.kit import Sandbox
 from conftest import run
@@ -77,11 +78,14 @@ MADE_OF: dict[str, Callable[[bytes], bytes]] = {
     "log.tar.gz": tarred,
     "map.txt.gz": lambda _: gzip.compress(b"0 0 1\n? 0 1\n"),
     "page.mcap": lambda _: b"<!DOCTYPE html>\n<html><body>404</body></html>\n",
+    "robot.bag": lambda _: b"#ROSBAG V2.0\n" + bytes(100),
+    "log.mcap.zst": lambda data: zstandard.compress(data),
+    "curve.csv": lambda _: b"strategy,step,time_steps\nnearest,0,0\n",
     "metadata.yaml": lambda _: b"rosbag2_bagfile_information:\n  version: 5\n",
 }
 """Files made of the bytes of a log."""
 
-OTHERS = [*FROM_KIT, *MADE_BY, *MADE_OF, "table.db3", "folder"]
+OTHERS = [*FROM_KIT, *MADE_BY, *MADE_OF, "table.db3", "folder", "bag"]
 
 
 @pytest.fixture(scope="session")
@@ -97,6 +101,8 @@ def others(kit: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     database = sqlite3.connect(folder / "table.db3")
     database.execute("create table topics(id integer)")
     database.close()
+    (folder / "bag").mkdir()
+    shutil.copy(kit / "log.mcap", folder / "bag")
     (folder / "folder").mkdir()
     (folder / "folder" / "map.yaml").touch()
     (folder / "folder" / "trace.json").touch()
