@@ -68,16 +68,18 @@ def command(
     quiet: bool,
     verbose: bool,
 ) -> None:
-    """Convert a log to MCAP with ROS 2 messages: /scan, /odom, /tf and /tf_static.
+    """Convert a log to MCAP with ROS 2 messages: /scan, /odom, /tf and /tf_static; range sensors
+    with one beam go to topics of their own.
 
     LOG is a log of any kind that slam-replay reads: MCAP, a ROS 1 or ROS 2 bag (a file, or a
-    folder), a CARMEN log, packed or not, or - for standard input; several are one recording in
-    parts. The result gives the same map and poses as the log itself. Of a damaged log, what can be
-    read is converted; what is lost is said.
+    folder), a CARMEN log, the CSV of a robot, packed or not, or - for standard input; several are
+    one recording in parts. The result gives the same map and poses as the log itself. Of a damaged
+    log, what can be read is converted; what is lost is said.
 
     \b
     Examples:
       mapcli import intel.log.gz intel.mcap
+      mapcli import fixtures/five-sensors.csv sensors.mcap
       mapcli import --start 10 --end 60 robot.mcap part.mcap
     """
     from mapcli.formats.logs.mcap.writer import save_log

@@ -138,15 +138,18 @@ def command(
     """Turn a robot log into a map and a pose trace (Algorithm 9.2).
 
     LOG is a log with laser scans and odometry: MCAP, a ROS 1 or ROS 2 bag (a file, or a folder), a
-    CARMEN log, each plain or packed (gz, zst, bz2, xz, lz4), or - for standard input. Several LOGs
-    are one recording in parts, in any order; recordings that are not one are refused. Every scan
-    gets a pose or a reason.
+    CARMEN log, each plain or packed (gz, zst, bz2, xz, lz4), or - for standard input; or the CSV
+    of a robot with a few range sensors, `t,x,y,theta,r1,...`, beside which a YAML says where they
+    sit (docs/formats.md). Several LOGs are one recording in parts, in any order; recordings that
+    are not one are refused. Every scan gets a pose or a reason.
 
     \b
     Examples:
       mapcli slam-replay fixtures/apartment.mcap
       mapcli slam-replay robot.log.gz -o out --fail-if 'used_share<0.95'
       mapcli slam-replay robot.mcap --map map.yaml --trace poses.tum
+      mapcli slam-replay sonars.mcap --sensor /range/left=0,0.1,90
+      mapcli slam-replay fixtures/five-sensors.csv --search none
     """
     outputs = ReplayOutputs(png, map_, json, trace, mcap)
     if folder or not outputs.names():

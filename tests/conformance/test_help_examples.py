@@ -37,6 +37,8 @@ def make_stand_ins(kit: Path, here: Path) -> None:
     shutil.copy(FIXTURES / "apartment.mcap", here / "robot.mcap")
     slam = here / "apartment-slam"
     for line in (
+        f"simulate {FIXTURES}/corridor.yaml {here}/sonars.mcap --path {FIXTURES}/corridor-path.txt "
+        "--range-max 1 --sensor left=0,0.05,90 --sensor right=0,-0.05,-90",
         f"rasterize {FIXTURES}/fig9_1.yaml {here}/fig9_1.txt --box 0,0,8,8",
         f"slam-replay {here}/robot.mcap -o {slam} --trace {here}/trace.tum",
         f"perceive {here}/robot.mcap {here}/scan.yaml --at 30",
