@@ -37,6 +37,10 @@ does so again, which is right most of the time."""
 DROP_RATIO = -10.0
 """Log-likelihood ratio below which an alternative is dropped."""
 
+SUSPECT_RATIO = 3.0
+"""What inertia must say before a failure is followed in a map that remembers old laps: it
+contradicts right poses as well, when the robot comes back with an error."""
+
 MOST_INERTIA_RATIO = 30.0
 """What inertia counts at most."""
 
@@ -93,6 +97,9 @@ class AlternativeHypothesis:
 class OdometryFaults:
     """Which hypothesis about the odometry is true (stateful: log-likelihood ratios add up).
 
+    Args:
+        map_remembers: the map is made as the robot drives, and never forgets.
+
     Attributes:
         active: the hypothesis that predicts the next pose.
         alternatives: the others that are followed.
@@ -102,7 +109,8 @@ class OdometryFaults:
             was wrong, as far as is known by now.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, map_remembers: bool = False) -> None:
+        self._least_onset = SUSPECT_RATIO if map_remembers else -math.inf
         self.active: Hypothesis = "odometry"
         self.alternatives: dict[Hypothesis, AlternativeHypothesis] = {}
         self.past_poses: tuple[Pose2D, ...] = ()
@@ -211,9 +219,11 @@ class OdometryFaults:
         step before."""
         other = self._predict(name, counted, self._found_motion)
         onset = self._inertia.onset(motion, other, self._step_s)
-        # Odometry usually is right, so it gets a chance whatever inertia says.
-        least = DROP_RATIO if name == "odometry" else -MOST_INERTIA_RATIO
-        ratio = min(MOST_INERTIA_RATIO, max(least, onset.ratio))
+        ratio = min(MOST_INERTIA_RATIO, onset.ratio)
+        if name == "odometry":  # it usually is right, so it gets a chance whatever inertia says
+            ratio = max(DROP_RATIO, ratio)
+        elif ratio < self._least_onset:
+            ratio = -MOST_INERTIA_RATIO
         if onset.metres is None:
             return AlternativeHypothesis(ratio, before, self._found_motion)
         step = replace(self._found_motion, x=onset.metres)

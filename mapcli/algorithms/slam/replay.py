@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -117,10 +117,18 @@ class ReplayRun:
             if len(self.poses) in self._keep:
                 self.kept[len(self.poses)] = scan
             self._scans_used += len(scan.readings) if isinstance(scan, GatheredScan) else 1
-            self.poses.append(self.slam.step(scan, odom))
+            pose = self.slam.step(scan, odom)
+            self._correct_last_poses(self.slam.faults.past_poses)
+            self.poses.append(pose)
             self.most_hits = max(self.most_hits, len(self.slam.perception.hits))
             self._sample.add(self.poses[-1].pose, self.slam.perception)
             yield self.poses[-1]
+
+    def _correct_last_poses(self, poses: Sequence[Pose2D]) -> None:
+        """The last scans were taken at these poses after all."""
+        first = len(self.poses) - len(poses)
+        for k, pose in enumerate(poses, first):
+            self.poses[k] = replace(self.poses[k], pose=pose)
 
     def _counted(self, records: Iterable[Record]) -> Iterator[Record]:
         """The records; scans are counted."""

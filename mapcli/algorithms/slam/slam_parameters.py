@@ -41,11 +41,6 @@ class SlamParameters:
         return replace(plain, local_map=local_map, match=match)
 
     def without_loops(self) -> SlamParameters:
-        """A map that never forgets, and no loop closure.
-
-        Failing odometry is not detected then. A map that remembers old laps contradicts right poses
-        as well, when the robot comes back with an error: points that lie in its free space would
-        pass for a failure.
-        """
+        """A map that never forgets, and no loop closure."""
         local_map = replace(self.local_map, max_length_m=None)
-        return replace(self, local_map=local_map, detect_odometry_faults=False, loops=None)
+        return replace(self, local_map=local_map, loops=None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -17,6 +18,7 @@ from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.odometry_faults import OdometryFaults
 from mapcli.algorithms.slam.pose_refinement import ScanInMap
+from mapcli.algorithms.slam.replay import ReplayRun
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.model.pose import Pose2D
 from mapcli.model.world import World
@@ -138,6 +140,38 @@ def test_odometry_that_counts_backwards_while_the_robot_drives() -> None:
     poses, active, failed = replayed(true, odom, detect=False)
     assert (active, failed) == ({"odometry"}, 0)
     assert worst(poses, true) > 5
+
+
+def test_odometry_that_counts_backwards_is_found_out_in_every_mode() -> None:
+    true = drive([0.25] * 100)
+    odom = counted(true, dict.fromkeys(range(40, 60), -1.0))
+    scans = [scan_at(CORRIDOR, pose, k) for k, pose in enumerate(true)]
+    plain = SlamParameters().without_loops()
+    mapping = ReplayRun(Slam(plain))
+    list(mapping.track(log_of(scans, odom)))
+    assert worst([one.pose for one in mapping.poses], true) < 0.1
+    # In the map that it made, which is gone on from, or left alone.
+    for frozen in (False, True):
+        known = OccupancyGrid.from_grid_map(mapping.slam.map.to_grid_map(), plain.map)
+        local_map = replace(plain.local_map, frozen=frozen)
+        run = ReplayRun(Slam(replace(plain, local_map=local_map), Pose2D(), known))
+        list(run.track(log_of(scans, odom)))
+        assert worst([one.pose for one in run.poses], true) < 0.2  # its walls are cells
+        assert set(run.slam.faults.failures.values()) <= {"reversed"}
+
+
+def test_in_a_map_that_remembers_only_inertia_raises_suspicion() -> None:
+    # The robot stands before its wheels fail: what the map says alone may be an old lap.
+    faults = OdometryFaults(map_remembers=True)
+    faults.motion(0, None)
+    here = Match(Pose2D(), 0.0, 0, found=False)
+    nothing = Perception(np.empty((0, 2)), np.empty((0, 2)), np.zeros(2))
+    scan = ScanInMap(OccupancyGrid(), nothing, MatchParameters())
+    for k, metres in enumerate([0.0, 0.0, -0.02, -0.06], 1):
+        motion = faults.motion(k * SECOND // 4, Pose2D(metres))
+        faults.select(Pose2D(), MotionModel().uncertainty(motion), here, scan, MatchHistory(0.9))
+        assert "reversed" not in faults.alternatives
+        assert "keeps going" not in faults.alternatives
 
 
 def test_odometry_that_counts_backwards_while_the_robot_backs_up() -> None:
