@@ -231,6 +231,7 @@ def slam_parameters(
     if range_min is not None and range_max is not None and range_max <= range_min:
         raise click.UsageError("--range-max is not more than --range-min.")
     parameters = SlamParameters(
+        detect_odometry_faults=search == "window",
         local_map=LocalMapParameters(frozen=frozen),
         map=replace(MAP, resolution=resolution, p_hit=p_hit, p_miss=p_miss),
         perception=PerceptionParameters(range_min, range_max, no_return, gather),

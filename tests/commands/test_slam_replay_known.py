@@ -159,21 +159,21 @@ def test_no_loop_closing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "detects"),
+    ("options", "forgets", "detects"),
     [
-        ((), True),
-        (("--no-loop-closing",), False),
-        (("--known", "map.yaml", "--initial-pose", "0.1,0,0"), False),
-        (("--search", "book"), False),
-        (("--search", "none"), False),
+        ((), True, True),
+        (("--no-loop-closing",), False, True),
+        (("--known", "map.yaml", "--initial-pose", "0.1,0,0"), False, True),
+        (("--search", "book"), False, False),
+        (("--search", "none"), False, False),
     ],
 )
-def test_failing_odometry_is_detected_where_the_map_forgets(
-    options: tuple[str, ...], detects: bool
+def test_failing_odometry_is_detected_where_poses_are_searched_for(
+    options: tuple[str, ...], forgets: bool, detects: bool
 ) -> None:
     told = traced(CORRIDOR, *options)["parameters"]
     assert told["detect_odometry_faults"] is detects
-    assert (told["local_map"]["max_length_m"] is not None) == detects
+    assert (told["local_map"]["max_length_m"] is not None) == forgets
 
 
 # What cannot be

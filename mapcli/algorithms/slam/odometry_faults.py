@@ -38,8 +38,9 @@ DROP_RATIO = -10.0
 """Log-likelihood ratio below which an alternative is dropped."""
 
 SUSPECT_RATIO = 3.0
-"""What inertia must say before a failure is followed in a map that remembers old laps: it
-contradicts right poses as well, when the robot comes back with an error."""
+"""What inertia must say before a failure is followed in a map that remembers old laps, or was there
+before: it contradicts right poses as well, when the robot comes back with an error, and all poses
+when it is of another place."""
 
 MOST_INERTIA_RATIO = 30.0
 """What inertia counts at most."""
@@ -98,7 +99,7 @@ class OdometryFaults:
     """Which hypothesis about the odometry is true (stateful: log-likelihood ratios add up).
 
     Args:
-        map_remembers: the map is made as the robot drives, and never forgets.
+        map_remembers: the map never forgets, or was there before.
 
     Attributes:
         active: the hypothesis that predicts the next pose.

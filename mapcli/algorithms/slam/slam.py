@@ -91,8 +91,7 @@ class Slam:
         self._lasers: set[Mount] = set()  # those whose scans came by now
         self._is_localized, self._global_scans = known is None or start is not None, 0
         self.odometry = DeadReckoning(p.odometry, calibrate=p.calibrate_odometry)
-        remembers = p.local_map.max_length_m is None and not p.local_map.frozen
-        self.faults = OdometryFaults(map_remembers=remembers)
+        self.faults = OdometryFaults(map_remembers=p.local_map.max_length_m is None)
         is_written = known is not None and not p.local_map.frozen
         self.known_map_fit = KnownMapFit(deepcopy(known) if is_written else None)
         self._detects_faults = p.detect_odometry_faults and p.match.search == "window"

@@ -38,7 +38,7 @@ class SlamParameters:
         forgets and is updated in every turn of the loop."""
         plain, match = self.without_loops(), replace(self.match, search="book")
         local_map = replace(plain.local_map, update_m=0.0, update_deg=0.0)
-        return replace(plain, local_map=local_map, match=match)
+        return replace(plain, local_map=local_map, match=match, detect_odometry_faults=False)
 
     def without_loops(self) -> SlamParameters:
         """A map that never forgets, and no loop closure."""
