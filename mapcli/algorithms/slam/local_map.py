@@ -123,7 +123,9 @@ class LocalMap:
         self._metres -= self._next_from
 
     def _begin_at(self, pose: Pose2D) -> OccupancyGrid:
-        """An empty map with room for what is likely to come, so that it need not grow often."""
+        """An empty map with room for what is likely to come, as much as the map before reaches, so
+        that it need not grow often; that costs nothing until it is written."""
         grid, here = OccupancyGrid(self.grid.parameters), np.array([pose.x, pose.y])
-        grid.extend_to(here - ROOM_M, here + ROOM_M)
+        room = np.full(2, max(ROOM_M, self.grid.reach))
+        grid.extend_to(here - room, here + room)
         return grid

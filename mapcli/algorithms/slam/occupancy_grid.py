@@ -87,8 +87,7 @@ class OccupancyGrid:
         self._rules = self.parameters.log_odds_rules()
         # Cells are numbered from a fixed one, whose lower left corner is at `_origin`, metres; the
         # first of the arrays is (_u0, _v0).
-        self._origin = np.zeros(2)
-        self._u0 = self._v0 = 0
+        self._origin, self._u0, self._v0 = np.zeros(2), 0, 0
         self._edge = MARGIN + len(self._gaussian)
         self._written = NO_CELLS  # counted from the fixed cell
         self._lists = CellLists(np.empty(0, np.int64), np.empty(0, np.int64))
@@ -149,6 +148,12 @@ class OccupancyGrid:
         edge, reach = self._edge + 1, radius / self.parameters.resolution
         (u, v), (rows, columns) = self._at(centre), self.log_odds.shape
         return min(u, v) - reach >= edge and u + reach < columns - edge and v + reach < rows - edge
+
+    @property
+    def reach(self) -> float:
+        """Metres from the middle of what was written to its farther sides."""
+        w, cell = self._written, self.parameters.resolution
+        return cell * max(w.high_u - w.low_u, w.high_v - w.low_v, 0) / 2
 
     def extend_to(self, low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
         """Make the arrays hold the rectangle from `low` to `high`, each (x, y), metres.

@@ -133,3 +133,16 @@ def test_a_scan_of_few_points_does_not_begin_a_map() -> None:
     assert not local_map.update(Pose2D(), seen(0))
     assert local_map.update(Pose2D(0.1), seen(5))  # without driving 0.3 m
     assert not local_map.update(Pose2D(0.2), seen())
+
+
+def test_the_next_map_has_room_for_as_much_as_the_one_before() -> None:
+    local_map = new(**FORGETFUL)
+    far = np.array([[-40.0, 1.0], [38.0, 1.0], [0.0, 20.0]])
+    local_map.grid.integrate(Pose2D(), Perception(far, np.empty((0, 2)), np.zeros(2)))
+    assert local_map.grid.reach == pytest.approx(39.0, abs=0.2)
+    local_map.begin_anew(Pose2D(100.0, -50.0))
+    shape = local_map.grid.log_odds.shape
+    local_map.grid.integrate(
+        Pose2D(100.0, -50.0), Perception(0.9 * far, np.empty((0, 2)), np.zeros(2))
+    )
+    assert local_map.grid.log_odds.shape == shape
