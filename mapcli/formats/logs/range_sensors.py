@@ -90,9 +90,10 @@ def sensor_lines(sensors: Iterable[SensorCounts]) -> Iterator[str]:
     """How the sensors of a log are used, for a person."""
     sensors = list(sensors)
     used = [sensor for sensor in sensors if sensor.kind != "ground"]
+    readings = sum(sensor.readings for sensor in used)
     if len({sensor.mount for sensor in used}) > 1:
         yield (
-            f"{counted(len(used), 'range sensors')}: what they read over a short way is one scan "
+            f"{len(used)} range sensors, {counted(readings, 'readings')}: what they read over a short way is one scan "
             "(--gather)"
         )
     if idle := [sensor.name for sensor in sensors if sensor.kind == "ground"]:

@@ -64,7 +64,7 @@ def test_each_topic_is_a_sensor_with_its_mount(tmp_path: Path) -> None:
     assert log.sensors["/us/floor"].readings == 1
     assert log.sensors["/us/floor"].most == pytest.approx(0.05)
     assert log.notes == [
-        "2 range sensors: what they read over a short way is one scan (--gather)",
+        "2 range sensors, 2 readings: what they read over a short way is one scan (--gather)",
         "/us/floor: not used, as it looks at the floor or up",
     ]
 
