@@ -93,8 +93,8 @@ def sensor_lines(sensors: Iterable[SensorCounts]) -> Iterator[str]:
     readings = sum(sensor.readings for sensor in used)
     if len({sensor.mount for sensor in used}) > 1:
         yield (
-            f"{len(used)} range sensors, {counted(readings, 'readings')}: what they read over a short way is one scan "
-            "(--gather)"
+            f"{len(used)} range sensors, {counted(readings, 'readings')}: what they read over a "
+            "short way is one scan (--gather)"
         )
     if idle := [sensor.name for sensor in sensors if sensor.kind == "ground"]:
         yield (
