@@ -75,7 +75,13 @@ def _is_plain(value: Any) -> bool:
 
 def _perception(data: bytes, file: str) -> Facts:
     from mapcli.formats.documents.perception_reader import read_perception
-    from mapcli.model.perception import GridPerceptions, LandmarkPerception, ScanPerception
+    from mapcli.model.perception import (
+        GridPerceptions,
+        LandmarkPerception,
+        MeasuredTrials,
+        ReadingsPerception,
+        ScanPerception,
+    )
 
     found = read_perception(data, file)
     if isinstance(found, ScanPerception):
@@ -89,6 +95,10 @@ def _perception(data: bytes, file: str) -> Facts:
         rows, columns = found.candidates[0].cells.shape
         return {"perception": "grids", "candidates": len(found.candidates), "rows": rows,
                 "columns": columns}  # fmt: skip
+    if isinstance(found, ReadingsPerception):
+        return {"perception": "readings", "readings": len(found.readings)}
+    if isinstance(found, MeasuredTrials):
+        return {"perception": "trials", "of": found.of, "trials": len(found.trials)}
     return {"perception": "database", "of": found.of, "candidates": len(found.expectations)}
 
 

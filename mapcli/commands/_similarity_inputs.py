@@ -17,7 +17,12 @@ from mapcli.formats.input import DigestingReader
 from mapcli.formats.maps.load import sniff
 from mapcli.formats.maps.save import SUFFIXES
 from mapcli.model.grid import GridMap
-from mapcli.model.perception import LandmarkPerception, Perceived, PerceptionDatabase
+from mapcli.model.perception import (
+    LandmarkPerception,
+    MeasuredTrials,
+    Perceived,
+    PerceptionDatabase,
+)
 from mapcli.model.world import World
 
 POINTS_MAP = "a points map for landmarks, YAML with points: [[x, y], ...]"
@@ -30,12 +35,14 @@ class Loaded:
     Attributes:
         perception: the file's name, for errors; digests: file name -> SHA-256;
         warnings: sentences about the map, with its name.
+        trials: all sets of readings, where there are several; `comparison` has the first.
     """
 
     comparison: Comparison
     perception: str
     digests: dict[str, str]
     warnings: tuple[str, ...] = ()
+    trials: MeasuredTrials | None = None
 
 
 def load_comparison(
@@ -54,7 +61,7 @@ def load_comparison(
     read = DigestingReader()
     name = files[-1]
     with expecting(name, "a perception", Role.PERCEPTION):
-        perception = read_perception(read(Path(name)), name, low)
+        perception = read_perception(read(Path(name)), name, low, needs_pose=database is None)
     if isinstance(perception, PerceptionDatabase):
         raise FormatError("is a database", file=name, expected="a scan, landmarks or grids; "
                           "databases go to --database")  # fmt: skip
@@ -63,7 +70,12 @@ def load_comparison(
             found = read_perception(read(Path(database)), database)
         if not isinstance(found, PerceptionDatabase):
             raise FormatError("is one perception", file=database, expected="kind: database")
+        if isinstance(perception, MeasuredTrials):
+            first = _compare(found, perception.trials[0].measured, name)
+            return Loaded(first, name, read.digests, trials=perception)
         return Loaded(_compare(found, perception, name), name, read.digests)
+    if isinstance(perception, MeasuredTrials):
+        raise FormatError("is a set of trials", file=name, expected="--database to compare with")
     if isinstance(perception, LandmarkPerception):
         with expecting(files[0], POINTS_MAP, Role.WORLD):
             world = _points(read(Path(files[0])), files[0])

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from mapcli import expect_perceptions
+from mapcli.algorithms.similarity.confusion import ReadingNoise, noisy_trials
 from mapcli.algorithms.similarity.expected_perception import RangeSensor, perception_at_intended
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._map_options import dialect_option
@@ -60,6 +61,22 @@ class Numbers(click.ParamType[Any]):
         return numbers
 
 
+class Noise(Numbers):
+    """Standard deviations: of distances, and of bearings in degrees."""
+
+    name = "SD[,SD_DEG]"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        parts = value.split(",") if isinstance(value, str) else value
+        try:
+            found = tuple(float(part) for part in parts)
+        except ValueError:
+            found = ()
+        if len(found) not in (1, 2) or not all(0 <= number <= FARTHEST_M for number in found):
+            self.fail(f"{value!r} is not of the form {self.name}, 0 or more.", param, ctx)
+        return (*found, 0.0)[:2]
+
+
 def _text(numbers: tuple[float, ...]) -> str:
     return ",".join(f"{number:g}" for number in numbers)
 
@@ -80,6 +97,11 @@ def _text(numbers: tuple[float, ...]) -> str:
               help="Headings of the candidates against the intended one.")  # fmt: skip
 @click.option("--alone", is_flag=True, help="Write one perception, the one at the pose itself, "
               "instead of a database.")  # fmt: skip
+@click.option("--noise", type=Noise(), help="Of the sensor: the standard deviation of ranges and "
+              "distances, in the map's unit, and of bearings, degrees.")  # fmt: skip
+@click.option("--times", type=click.IntRange(1, 10_000), default=1, show_default=True,
+              help="With --noise: so many sets of readings at each pose.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the noise.")
 @click.option("--beams", type=click.IntRange(1, 100_000), default=SENSOR.beams, show_default=True,
               help="Of the sensor that looks at a grid map or polygons.")  # fmt: skip
 @click.option("--fov-deg", type=Number(0, 360, min_open=True), default=SENSOR.fov_deg,
@@ -93,8 +115,9 @@ def _text(numbers: tuple[float, ...]) -> str:
 def command(
     source: str, out: str, pose: Pose2D | None, cell: tuple[int, int] | None,
     heading_deg: float, at: float | None, steps: tuple[float, ...], turns_deg: tuple[float, ...],
-    alone: bool, beams: int, fov_deg: float, range_max: float, dialect: Any,
-    log_input: LogInput, no_clobber: bool, quiet: bool, verbose: bool,
+    alone: bool, noise: tuple[float, float] | None, times: int, seed: int, beams: int,
+    fov_deg: float, range_max: float, dialect: Any, log_input: LogInput, no_clobber: bool,
+    quiet: bool, verbose: bool,
 ) -> None:  # fmt: skip
     """Write what a robot expects to perceive at a pose of a map and at the candidate poses around
     it (the database of Activity 9.5), or what it did perceive at a moment of a log.
@@ -107,6 +130,7 @@ def command(
     Examples:
       mapcli perceive fixtures/corner.txt --cell 4,6 --heading-deg 90 database.yaml
       mapcli perceive fixtures/landmarks-map.yaml --pose 0,1,-15 --alone measured.yaml
+      mapcli perceive fixtures/landmarks-map.yaml --pose 0,0,0 --noise 0.1,5 --times 20 trials.yaml
       mapcli perceive fixtures/apartment.mcap --at 30 scan.yaml
     """
     chosen = [value for value in (pose, cell, at) if value is not None]
@@ -115,6 +139,11 @@ def command(
                                "SECONDS of a log: one of them.")  # fmt: skip
     if out != "-" and Path(out).suffix.lower() not in SUFFIXES:
         raise click.UsageError(f"{out}: does not end in {', '.join(SUFFIXES)}.")
+    if noise is None and times > 1:
+        raise click.UsageError("--times needs --noise: without it they are all the same.")
+    if noise is not None and (alone or at is not None):
+        raise click.UsageError("--noise is for all candidate poses of a map; --steps 0 and "
+                               "--turns-deg 0 leave the one.")  # fmt: skip
     if min(steps) < 0:
         raise click.UsageError("--steps are lengths, so they are not negative.")
     check_outputs([out], log_input.inputs([source]), "inputs", no_clobber=no_clobber)
@@ -132,7 +161,11 @@ def command(
             raise
         content: Writable = database
         said = f"{len(database.expectations)} poses, {database.of}"
-        if alone:
+        if noise is not None:
+            reading_noise = ReadingNoise(noise[0], math.radians(noise[1]), seed)
+            trials = noisy_trials(database, reading_noise, times)
+            content, said = trials, f"{len(trials.trials)} sets of readings, {database.of}"
+        elif alone:
             content = perception_at_intended(database, place, steps, turns_deg)
             said = f"1 pose, {database.of}"
         data = dump_perception(content, out)

@@ -19,6 +19,7 @@ from mapcli.algorithms.similarity.comparisons import (
     score_comparison,
 )
 from mapcli.algorithms.similarity.measures import SIMILARITIES
+from mapcli.commands._confusion_report import say_confusion
 from mapcli.commands._limit_option import limit_option
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import (
@@ -112,6 +113,10 @@ def command(
       corner: [0, 0]                             # where they lie, if smaller than the map
       candidates: [{position: intended, turn_deg: 0, rows: ["1 1 ?", "-1 -1 1"]}]
 
+    \b
+      kind: readings                             # of any sensors, with --database
+      readings: [1830, 0, 2210]                  # null: nothing
+
     Scans and landmarks may have `steps: 1` and `turns_deg: [0, -15, 15]`.
 
     \b
@@ -121,6 +126,7 @@ def command(
           --locate 3.162,-3.435
       mapcli similarity-table map.yaml scan.yaml --window-xy 1 --window-theta-deg 10 --png heat.png
       mapcli similarity-table --database database.yaml measured.yaml
+      mapcli similarity-table --database database.yaml trials.yaml   # how precise?
       mapcli similarity-table -q map.yaml scan.yaml --fail-if 'ties>0' --fail-if 'distance>0.2'
     """
     window = _window(window_xy, window_theta_deg, step_xy, step_theta_deg)
@@ -132,6 +138,11 @@ def command(
     _check(loaded, window, png, update, sightings)
     measure = similarity or loaded.comparison.default_similarity
     scoring = Scoring(measure, low, bearing_weight)
+    if loaded.trials is not None:
+        _refuse_with_trials(outputs, form, limits)
+        with _naming(loaded.perception):
+            say_confusion(loaded.comparison, loaded.trials, scoring, quiet=quiet)
+        return
     with _naming(loaded.perception):
         table = score_comparison(loaded.comparison, scoring, window)
         answer = Answer(loaded, scoring, table, sightings)
@@ -150,6 +161,16 @@ def command(
         say(f"written: {name}")
     for limit in limits:
         limit.check(answer.summary().values(lower=answer.table.lower), loaded.perception)
+
+
+def _refuse_with_trials(outputs: list[str], form: str | None, limits: tuple[Limit, ...]) -> None:
+    """Say what has no meaning for many sets of readings.
+
+    Raises:
+        click.UsageError: such options.
+    """
+    if outputs or limits or form not in (None, FORMATS[0]):
+        raise click.UsageError("A set of trials has its confusion table only, which is printed.")
 
 
 @contextmanager

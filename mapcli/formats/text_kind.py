@@ -19,7 +19,9 @@ CARMEN = re.compile(
 DOCUMENT = re.compile(rb'"format"\s*:\s*"mapcli\.([a-z-]+)"')
 KEY = re.compile(rb"^[\"']?(\w+)[\"']?\s*:", re.M)
 KEY_IN_BRACES = re.compile(rb"[{,]\s*[\"']?(\w+)[\"']?\s*:")
-PERCEPTION = re.compile(rb"\bkind[\"']?\s*:\s*[\"']?(scan|grids|landmarks|database)\b")
+PERCEPTION = re.compile(
+    rb"\bkind[\"']?\s*:\s*[\"']?(scan|grids|landmarks|readings|database|trials)\b"
+)
 
 YAML_KINDS = (
     ({b"rosbag2_bagfile_information"}, FileKind(

@@ -18,6 +18,8 @@ TURNS_DEG: tuple[float, ...] = (0.0, -15.0, 15.0)
 """The candidates of Sect. 9.5: one cell to each side, 15 degrees clockwise and back."""
 
 
+ReadingsKind = Literal["scan", "landmarks", "readings"]
+
 Walls = Literal["thick", "ends"]
 
 
@@ -55,6 +57,10 @@ class IntendedPose:
             )
         x, y = self.xy if self.cell is None else grid.world_of_cells([row], [column])[0]
         return Pose2D(float(x), float(y), self.theta)
+
+
+UNTOLD = IntendedPose(math.nan)
+"""Of readings that are compared with a database and do not say where they were taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +107,19 @@ class LandmarkPerception:
 
 
 @dataclass(frozen=True, eq=False)
+class ReadingsPerception:
+    """Kind `readings`: what the sensors returned, whatever that is (Activity 9.5).
+
+    Attributes:
+        intended_pose: `UNTOLD` where the file has none.
+        readings: shape (n,), in the order of the sensors; NaN where one returned nothing.
+    """
+
+    intended_pose: IntendedPose
+    readings: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
 class GridCandidate:
     """The perception map of one candidate, written out.
 
@@ -138,7 +157,7 @@ class ExpectedReadings:
     Attributes:
         position, turn_deg: which candidate; pose: in the map's frame, if known.
         readings: shape (n, 2): bearing and range of each beam (inf: no return), or distance and
-            bearing of each landmark (NaN: not seen); radians.
+            bearing of each landmark (NaN: not seen); radians. Of `readings`, shape (n, 1).
     """
 
     position: str
@@ -157,11 +176,41 @@ class PerceptionDatabase:
         step: what readings that count as equal may differ by.
     """
 
-    of: Literal["scan", "landmarks"]
+    of: ReadingsKind
     expectations: tuple[ExpectedReadings, ...]
     range_max: float = math.inf
     step: float = 1.0
 
 
-Perceived = ScanPerception | LandmarkPerception | GridPerceptions | PerceptionDatabase
+Measured = ScanPerception | LandmarkPerception | ReadingsPerception
+"""Sets of readings, of the kinds that a database may hold."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A set of readings that was taken at a known pose of the database."""
+
+    position: str
+    turn_deg: float
+    measured: Measured
+
+
+@dataclass(frozen=True)
+class MeasuredTrials:
+    """Kind `trials`: sets of readings, several times at each pose (Activity 9.5)."""
+
+    of: ReadingsKind
+    trials: tuple[Trial, ...]
+
+
+Perceived = Measured | GridPerceptions | PerceptionDatabase | MeasuredTrials
 """What a perception file holds."""
+
+
+def measured_of(of: ReadingsKind, readings: NDArray[np.float64], range_max: float) -> Measured:
+    """Readings in the form that a database has them in, as a perception without a pose."""
+    if of == "scan":
+        return ScanPerception(UNTOLD, readings, range_max)
+    if of == "landmarks":
+        return LandmarkPerception(UNTOLD, readings)
+    return ReadingsPerception(UNTOLD, readings[:, 0])

@@ -236,3 +236,63 @@ def test_a_saved_scan_keeps_the_parameters_of_the_replay() -> None:
     assert (scan.range_max, scan.no_return, scan.walls) == (2, "clear", "ends")
     assert np.isinf(scan.beams[:, 1]).any()
     assert scan.beams[np.isfinite(scan.beams[:, 1]), 1].max() <= 2
+
+
+# --- Activity 9.5
+
+
+def test_sets_of_readings_and_how_precise_they_are(capsys: Capture) -> None:
+    base = str(FIXTURES / "proximity-database.yaml")
+    best = best_of(capsys, "--database", base, str(FIXTURES / "proximity.yaml"))
+    assert (best["position"], best["turn_deg"]) == ("right", -15)
+    assert run("perceive", "-q", POINTS, "--pose", "0,0,0", "all.yaml") == 0
+    noise = "--noise", "0.05,1", "--times", "4"
+    assert run("perceive", POINTS, "--pose", "0,0,0", *noise, "trials.yaml") == 0
+    assert run("perceive", "-q", POINTS, "--pose", "0,0,0", *noise, "again.json") == 0
+    assert load_perception("trials.yaml").trials[3].turn_deg == 0  # type: ignore[union-attr]
+    capsys.readouterr()
+    assert run("similarity-table", "--database", "all.yaml", "trials.yaml") == 0
+    said = capsys.readouterr().out
+    assert "pose      60 of 60 found (100.0%)" in said
+    assert run("similarity-table", "--database", "all.yaml", "again.json") == 0
+    assert capsys.readouterr().out == said
+
+
+def test_a_measured_set_needs_no_pose_with_a_database(capsys: Capture) -> None:
+    assert run("perceive", "-q", POINTS, "--pose", "0,0,0", "all.yaml") == 0
+    text = "kind: landmarks\nmeasured: [[2.2, 41.6], [2.2, -11.6], [3.6, -41.3]]\n"
+    Path("set.yaml").write_text(text)
+    best = best_of(capsys, "--database", "all.yaml", "set.yaml")
+    assert (best["position"], best["turn_deg"]) == ("up", -15)
+    assert run("similarity-table", POINTS, "set.yaml") == 1
+    assert "set.yaml: line 1: pose: key is missing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("kind: readings\nreadings: [1, 2]\n", "set.yaml: readings: 2 readings; expected 3"),
+        ("kind: readings\nreadings: []\n", "set.yaml: line 2: readings: no readings"),
+        ("kind: readings\nreadings: [a]\n", "set.yaml: line 2: readings: "),
+        ("kind: readings\n", "set.yaml: line 1: readings: key is missing"),
+        ("kind: trials\nof: readings\ntrials: []\n", "set.yaml: line 3: trials: no trials"),
+        (
+            "kind: trials\nof: readings\ntrials:\n"
+            "  - {position: up, turn_deg: 0, readings: [1, 2, 3]}\n"
+            "  - {position: up, turn_deg: 0, readings: [1, 2]}\n",
+            "set.yaml: line 5: readings: 2 readings; expected 3, as at the first pose",
+        ),
+    ],
+)
+def test_malformed_readings(text: str, message: str, capsys: Capture) -> None:
+    Path("set.yaml").write_text(text)
+    base = str(FIXTURES / "proximity-database.yaml")
+    assert run("similarity-table", "--database", base, "set.yaml") == 1
+    assert f"Error: {message}" in capsys.readouterr().err
+
+
+def test_noise_of_nothing_is_wrong_usage() -> None:
+    base = "perceive", POINTS, "--pose", "0,0,0", "x.yaml"
+    for wrong in (["--times", "2"], ["--noise", "1", "--alone"], ["--noise", "-1"],
+                  ["--noise", "a"], ["--noise", "1,2,3"]):  # fmt: skip
+        assert run(*base, *wrong) == 2

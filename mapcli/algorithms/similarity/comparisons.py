@@ -27,10 +27,13 @@ from mapcli.algorithms.similarity.readings_table import database_table, landmark
 from mapcli.errors import DataError
 from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap
 from mapcli.model.perception import (
+    UNTOLD,
     GridPerceptions,
     LandmarkPerception,
+    Measured,
     Perceived,
     PerceptionDatabase,
+    ReadingsPerception,
     ScanPerception,
 )
 from mapcli.model.pose import Pose2D
@@ -146,7 +149,7 @@ class ReadingsInDatabase:
     """A set of readings, and a database of such sets (Activity 9.5)."""
 
     database: PerceptionDatabase
-    readings: ScanPerception | LandmarkPerception
+    readings: Measured
     default_similarity: ClassVar[Similarity] = "l1"
 
     def table(self, scoring: Scoring, window: CandidateWindow | None = None) -> SimilarityTable:
@@ -158,7 +161,7 @@ class ReadingsInDatabase:
     def intended(self) -> Pose2D | None:
         """The intended pose, if it is told in metres: a database has no cells."""
         place = self.readings.intended_pose
-        return place.pose(None) if place.cell is None else None
+        return None if place is UNTOLD or place.cell is not None else place.pose(None)
 
 
 Comparison = ScanOnMap | GridsOnMap | LandmarksOnMap | ReadingsInDatabase
@@ -177,10 +180,12 @@ def comparison_of(known: GridMap | World | PerceptionDatabase, perception: Perce
         DataError: they do not go together.
     """
     match known, perception:
-        case PerceptionDatabase(), ScanPerception() | LandmarkPerception():
+        case PerceptionDatabase(), ScanPerception() | LandmarkPerception() | ReadingsPerception():
             return ReadingsInDatabase(known, perception)
         case PerceptionDatabase(), GridPerceptions():
-            raise DataError("kind: grids", expected="readings: scan or landmarks")
+            raise DataError("kind: grids", expected="readings, a scan or landmarks")
+        case _, ReadingsPerception():
+            raise DataError("kind: readings", expected="--database, with readings at each pose")
         case GridMap(), ScanPerception():
             return ScanOnMap(known, perception)
         case GridMap(), GridPerceptions():

@@ -17,7 +17,14 @@ from mapcli.algorithms.similarity.measures import (
     similarity_of_readings,
 )
 from mapcli.errors import DataError
-from mapcli.model.perception import LandmarkPerception, PerceptionDatabase, ScanPerception
+from mapcli.model.perception import (
+    LandmarkPerception,
+    Measured,
+    PerceptionDatabase,
+    ReadingsKind,
+    ReadingsPerception,
+    ScanPerception,
+)
 from mapcli.model.pose import Pose2D
 from mapcli.model.similarity import SimilarityTable
 from mapcli.model.world import World
@@ -74,7 +81,7 @@ def count_readings(measured: Floats) -> int:
 
 def database_table(
     database: PerceptionDatabase,
-    perception: ScanPerception | LandmarkPerception,
+    perception: Measured,
     similarity: Similarity,
     bearing_weight: float = 1.0,
 ) -> SimilarityTable:
@@ -85,13 +92,23 @@ def database_table(
     Raises:
         DataError: other readings than the database holds.
     """
-    kind = "scan" if isinstance(perception, ScanPerception) else "landmarks"
+    kind = _kind_of(perception)
     if kind != database.of:
         raise DataError(f"kind: {kind}", expected=f"{database.of}, as in the database")
     known = database.expectations
     if isinstance(perception, ScanPerception):
         scores = _scan_scores(similarity, database, perception)
         overlap = len(perception.beams)
+    elif isinstance(perception, ReadingsPerception):
+        measured = perception.readings[:, None]
+        for expectation in known:
+            _same_count(
+                len(measured), len(expectation.readings), "sensor of the database", "readings"
+            )
+        expected = np.stack([expectation.readings for expectation in known])
+        step = np.array([database.step])
+        scores = similarity_of_readings(similarity, expected, measured, step)
+        overlap = count_readings(measured)
     else:
         for expectation in known:
             _same_count(len(perception.measured), len(expectation.readings), "in the database")
@@ -99,6 +116,12 @@ def database_table(
         scores = _landmark_scores(similarity, expected, perception, bearing_weight)
         overlap = count_readings(perception.measured)
     return _by_name(database, similarity, scores, overlap)
+
+
+def _kind_of(perception: Measured) -> ReadingsKind:
+    if isinstance(perception, ScanPerception):
+        return "scan"
+    return "landmarks" if isinstance(perception, LandmarkPerception) else "readings"
 
 
 def _scan_scores(
@@ -121,9 +144,10 @@ def _scan_scores(
                        np.array([database.step]))  # fmt: skip
 
 
-def _same_count(ours: int, theirs: int, what: str) -> None:
+def _same_count(ours: int, theirs: int, what: str, where: str = "") -> None:
     if ours != theirs:
-        raise DataError(f"{ours} readings", expected=f"{theirs}, one for each {what}, in its order")
+        expected = f"{theirs}, one for each {what}, in its order"
+        raise DataError(f"{ours} readings", where=where, expected=expected)
 
 
 def _by_name(

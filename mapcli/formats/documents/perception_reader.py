@@ -17,6 +17,9 @@ YAML or JSON with a `kind`:
     measured: [[2.0, 32.0], null, ...]        distance, bearing in degrees; null: not seen
     steps, turns_deg                          as above, steps in the map's unit
 
+    kind: readings                            values of sensors, in whatever unit
+    readings: [1830, 0, 2210]                 in the order of the sensors; null: nothing
+
     kind: grids
     candidates:
       - {position: intended, turn_deg: 0, rows: ["? 1 -1", ...]}
@@ -25,12 +28,19 @@ YAML or JSON with a `kind`:
     pose, steps                               only to say what pose the best one is
 
     kind: database                            one set of readings for each pose (Activity 9.5)
-    of: landmarks                             or scan
+    of: landmarks                             or scan, or readings
     range_max: 5                              of scans
     step: 1                                   readings that differ by no more count as equal
     candidates:
-      - {position: intended, turn_deg: 0, pose: {...}, measured: [...]}      or beams
+      - {position: intended, turn_deg: 0, pose: {...}, measured: [...]}      or beams, readings
 
+    kind: trials                              sets that were measured at known poses
+    of: landmarks                             as of the database
+    range_max: 5                              of scans
+    trials:
+      - {position: intended, turn_deg: 0, measured: [...]}      the same pose any number of times
+
+Readings, landmarks and scans that are compared with a database need no pose.
 Other keys are ignored. A JSON file is read as the YAML that it is, so that errors know lines.
 """
 
@@ -61,17 +71,24 @@ from mapcli.formats.maps.text import CHARACTER_ROW
 from mapcli.formats.yaml_mapping import YamlMapping
 from mapcli.model.grid import OCCUPIED_THRESHOLD
 from mapcli.model.perception import (
+    UNTOLD,
     ExpectedReadings,
     GridCandidate,
     GridPerceptions,
+    IntendedPose,
     LandmarkPerception,
+    MeasuredTrials,
     Perceived,
     PerceptionDatabase,
+    ReadingsKind,
+    ReadingsPerception,
     ScanPerception,
+    Trial,
+    measured_of,
 )
 from mapcli.model.pose import Pose2D
 
-KINDS = ("scan", "grids", "landmarks", "database")
+KINDS = ("scan", "grids", "landmarks", "readings", "database", "trials")
 
 Floats = NDArray[np.float64]
 
@@ -89,8 +106,14 @@ def load_perception(path: str | Path, low: float = OCCUPIED_THRESHOLD) -> Percei
         return read_perception(read_file(Path(path), "a perception"), str(path), low)
 
 
-def read_perception(data: bytes, file: str, low: float = OCCUPIED_THRESHOLD) -> Perceived:
-    """A perception from its bytes; see `load_perception`."""
+def read_perception(
+    data: bytes, file: str, low: float = OCCUPIED_THRESHOLD, *, needs_pose: bool = True
+) -> Perceived:
+    """A perception from its bytes; see `load_perception`.
+
+    Args:
+        needs_pose: whether scans and landmarks must say where they were taken.
+    """
     if not data.strip():
         raise FormatError("is empty", file=file, expected="a perception")
     if data.lstrip()[:1] == b"{":
@@ -98,14 +121,34 @@ def read_perception(data: bytes, file: str, low: float = OCCUPIED_THRESHOLD) -> 
     document = YamlMapping.parse(data, file)
     kind = choice(document, "kind", KINDS)
     if kind == "scan":
-        return _scan(document)
+        return _scan(document, needs_pose=needs_pose)
     if kind == "landmarks":
         steps, turns = steps_and_turns(document)
-        return LandmarkPerception(intended_pose(document), _measured(document), steps, turns)
+        place = _pose_of_readings(document, needs_pose=needs_pose)
+        return LandmarkPerception(place, _measured(document), steps, turns)
+    if kind == "readings":
+        place = _pose_of_readings(document, needs_pose=False)
+        return ReadingsPerception(place, _readings(document))
+    if kind == "trials":
+        return _trials(document)
     return _grids(document, low) if kind == "grids" else _database(document)
 
 
-def _scan(document: YamlMapping) -> ScanPerception:
+def _pose_of_readings(document: YamlMapping, *, needs_pose: bool) -> IntendedPose:
+    return intended_pose(document) if needs_pose or "pose" in document.nodes else UNTOLD
+
+
+def _readings(document: YamlMapping) -> Floats:
+    """Values of sensors, NaN for null; shape (n,)."""
+    expected = "a list of numbers, one for each sensor; null for nothing"
+    node = document.require("readings", expected)
+    values = numbers(document, "readings", node, None, expected, null=math.nan)
+    if not values:
+        raise document.error("readings", "no readings", expected)
+    return np.array(values)
+
+
+def _scan(document: YamlMapping, *, needs_pose: bool) -> ScanPerception:
     steps, turns = steps_and_turns(document)
     range_max = _range_max(document)
     laser = Pose2D()
@@ -119,8 +162,9 @@ def _scan(document: YamlMapping) -> ScanPerception:
         walls = choice(document, "walls", ("thick", "ends"))
     beams = _beams(document)
     return ScanPerception(
-        intended_pose(document), beams, range_max, laser, no_return, walls, steps, turns
-    )
+        _pose_of_readings(document, needs_pose=needs_pose), beams, range_max, laser, no_return,
+        walls, steps, turns,
+    )  # fmt: skip
 
 
 def _range_max(document: YamlMapping) -> float:
@@ -248,13 +292,50 @@ def _sign(
     raise inner.error(key, f"cell {word[:40]!r}", f"{expected}{hint}", node)
 
 
+OF = {"scan": "beams", "landmarks": "measured", "readings": "readings"}
+"""Kind of readings -> the key that they stand under."""
+
+
+def _set_of_readings(inner: YamlMapping, of: ReadingsKind, first: Floats | None) -> Floats:
+    """The readings of one pose.
+
+    Raises:
+        FormatError: not as many as at the first pose.
+    """
+    if of == "readings":
+        found = _readings(inner)[:, None]
+    else:
+        found = _beams(inner) if of == "scan" else _measured(inner)
+    if first is not None and len(found) != len(first):
+        problem = f"{len(found)} readings"
+        raise inner.error(OF[of], problem, f"{len(first)}, as at the first pose")
+    return found
+
+
+def _trials(document: YamlMapping) -> MeasuredTrials:
+    of: Any = choice(document, "of", tuple(OF))
+    range_max = _range_max(document) if of == "scan" else math.inf
+    expected = f"a list of {{position, turn_deg, {OF[of]}}}"
+    found: list[Trial] = []
+    first: Floats | None = None
+    for k, node in enumerate(list_of(document, "trials", expected)):
+        inner = mapping(document, f"trials[{k}]", node)
+        position, turn = _which(inner, set())
+        readings = _set_of_readings(inner, of, first)
+        first = readings if first is None else first
+        found.append(Trial(position, turn, measured_of(of, readings, range_max)))
+    if not found:
+        raise document.error("trials", "no trials", expected)
+    return MeasuredTrials(of, tuple(found))
+
+
 def _database(document: YamlMapping) -> PerceptionDatabase:
-    of: Any = choice(document, "of", ("scan", "landmarks"))
+    of: Any = choice(document, "of", tuple(OF))
     range_max = _range_max(document) if of == "scan" else math.inf
     step = 1.0
     if "step" in document.nodes:
         step = number(document, "step", document.nodes["step"], "a number")
-    expected = f"a list of {{position, turn_deg, {'beams' if of == 'scan' else 'measured'}}}"
+    expected = f"a list of {{position, turn_deg, {OF[of]}}}"
     found: list[ExpectedReadings] = []
     for k, node in enumerate(list_of(document, "candidates", expected)):
         inner = mapping(document, f"candidates[{k}]", node)
@@ -262,7 +343,7 @@ def _database(document: YamlMapping) -> PerceptionDatabase:
         pose = None
         if "pose" in inner.nodes:
             pose = pose_of(mapping(inner, "pose", inner.nodes["pose"]))
-        readings = _beams(inner) if of == "scan" else _measured(inner)
+        readings = _set_of_readings(inner, of, found[0].readings if found else None)
         found.append(ExpectedReadings(position, turn, pose, readings))
     if not found:
         raise document.error("candidates", "no candidates", expected)

@@ -16,14 +16,17 @@ from mapcli.model.perception import (
     ExpectedReadings,
     IntendedPose,
     LandmarkPerception,
+    MeasuredTrials,
     PerceptionDatabase,
+    ReadingsPerception,
     ScanPerception,
+    Trial,
 )
 from mapcli.model.pose import Pose2D
 
 SUFFIXES = (".yaml", ".yml", ".json")
 
-Writable = ScanPerception | LandmarkPerception | PerceptionDatabase
+Writable = ScanPerception | LandmarkPerception | PerceptionDatabase | MeasuredTrials
 
 
 def dump_perception(perception: Writable, name: str, odom: Pose2D | None = None) -> bytes:
@@ -47,6 +50,8 @@ def _content(perception: Writable) -> dict[str, Any]:
             head["range_max"] = _rounded(perception.range_max)
         candidates = [_expectation(e, perception.of) for e in perception.expectations]
         return {**head, "step": _rounded(perception.step), "candidates": candidates}
+    if isinstance(perception, MeasuredTrials):
+        return _trials(perception)
     place = _intended_pose(perception.intended_pose)
     search = {
         "steps": [_rounded(step) for step in perception.steps],
@@ -62,6 +67,29 @@ def _content(perception: Writable) -> dict[str, Any]:
     return {**content, **search, "beams": _beams(perception.beams)}
 
 
+def _trials(measured: MeasuredTrials) -> dict[str, Any]:
+    head: dict[str, Any] = {"kind": "trials", "of": measured.of}
+    first = measured.trials[0].measured
+    if isinstance(first, ScanPerception):
+        head["range_max"] = _rounded(first.range_max)
+    return {**head, "trials": [_trial(trial) for trial in measured.trials]}
+
+
+def _trial(trial: Trial) -> dict[str, Any]:
+    content: dict[str, Any] = {"position": trial.position, "turn_deg": _rounded(trial.turn_deg)}
+    match trial.measured:
+        case ScanPerception(beams=beams):
+            return {**content, "beams": _beams(beams)}
+        case LandmarkPerception(measured=measured):
+            return {**content, "measured": _measured(measured)}
+        case ReadingsPerception(readings=readings):
+            return {**content, "readings": _values(readings)}
+
+
+def _values(readings: Any) -> list[float | None]:
+    return [None if math.isnan(value) else _rounded(value) for value in readings.tolist()]
+
+
 def _expectation(expectation: ExpectedReadings, of: str) -> dict[str, Any]:
     content: dict[str, Any] = {
         "position": expectation.position,
@@ -71,6 +99,8 @@ def _expectation(expectation: ExpectedReadings, of: str) -> dict[str, Any]:
         content["pose"] = _pose(expectation.pose)
     if of == "scan":
         return {**content, "beams": _beams(expectation.readings)}
+    if of == "readings":
+        return {**content, "readings": _values(expectation.readings[:, 0])}
     return {**content, "measured": _measured(expectation.readings)}
 
 
