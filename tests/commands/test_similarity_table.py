@@ -304,7 +304,7 @@ PLACE = "pose: {cell: [4, 6], heading_deg: 90}\nrange_max: 5\n"
     [
         (f"kind: scan\n{PLACE}beams: []", "line 4: beams: no beams"),
         (f"kind: scan\n{PLACE}", "beams: key is missing"),
-        ("kind: sonar", "line 1: kind: 'sonar'; expected scan, grids, landmarks, readings, database or trials"),
+        ("kind: sonar", "line 1: kind: 'sonar'; expected scan, grids, landmarks, readings"),
         (f"kind: scan\n{PLACE}beams: [[0, far]]", "line 4: beams[0]: 'far' is not a number"),
         (f"kind: scan\n{PLACE}beams: [[0, 1], [0, .nan]]", "beams[1]: '.nan' is not a number"),
         (f"kind: scan\n{PLACE}beams: [[0, 1, 2]]", "beams[0]: a list of 3"),
