@@ -199,6 +199,11 @@ PERCEPTIONS = (
     SCAN,
     fixture("landmarks.yaml"),
     fixture("corner-grids.yaml", 16),
+    fixture("proximity-database.yaml", 9),
+    fixture("proximity.yaml"),
+    b"kind: trials\nof: readings\ntrials:\n"
+    b"  - {position: intended, turn_deg: 0, readings: [1830, null, 2.5e3]}\n"
+    b"  - {position: intended, turn_deg: 0, readings: [1800, 0, 2450]}\n",
     b"kind: database\nof: landmarks\nstep: 1\ncandidates:\n"
     b"  - {position: intended, turn_deg: 0, pose: {x: 0, y: 0, theta: 0}, measured: [[2, 32]]}\n",
     b'{"kind": "grids", "cells": "probability", "candidates":\n\t[{"position": "intended", '

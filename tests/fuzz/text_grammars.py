@@ -58,8 +58,13 @@ KEYS: Mapping[str, Sequence[str]] = {
                  "[&p [[0, 0], [1, 0], [1, 1]], *p]"),
     "points": ("[[2, 2], [2, -2]]", "[]", "[[1, 2, 3]]", "[2, 2]"),
     "y": ("down", "up", "left"),
-    "kind": ("scan", "landmarks", "grids", "database"),
-    "of": ("scan", "landmarks"),
+    "kind": ("scan", "landmarks", "grids", "readings", "database", "trials"),
+    "of": ("scan", "landmarks", "readings"),
+    "readings": ("[1830, null, 2.5]", "[]", "[null]", "[[1]]", "[1e308, -1]"),
+    "trials": ("[{position: up, turn_deg: 0, readings: [1, 2]}]",
+               "[{position: up, turn_deg: 0, readings: [1, 2]}, "
+               "{position: up, turn_deg: 0, readings: [1]}]",
+               "[{position: up, turn_deg: -15, measured: [[2, 32]]}]", "[]"),
     "pose": ("{x: 1, y: 1, theta_deg: 90}", "{cell: [1, 1], heading_deg: 90}", "{cell: [1.5, 0]}",
              "{x: 1, y: 1, theta: 0, theta_deg: 0}", "{cell: [-3, 1000000000], theta: 1}"),
     "range_max": ("5", "0", "-1"),
@@ -129,6 +134,8 @@ def perception(random: Random) -> bytes:
         "scan": ("pose", "range_max", "beams", "no_return", "walls", "laser", "steps", "turns_deg"),
         "landmarks": ("pose", "measured", "steps", "turns_deg"),
         "grids": ("candidates", "cells", "corner", "pose", "steps"),
+        "readings": ("pose", "readings"),
+        "trials": ("of", "range_max", "trials"),
         "database": ("of", "range_max", "step", "candidates"),
     }[kind]
     head = f"kind: {kind}\n".encode()
