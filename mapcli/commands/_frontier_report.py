@@ -62,6 +62,22 @@ def summary_lines(
     return [f"{label:>12}  {text}" for label, text in rows]
 
 
+def step_lines(exploration: Exploration) -> Iterator[str]:
+    """The steps in their order, a line each: who went where, over how many cells, chosen from how
+    many frontier cells, and how many cells were sensed there."""
+    rows = [("step", "robot", "from", "to", "cells", "frontier", "p", "sensed", "")]
+    for number, step in enumerate(exploration.steps, start=1):
+        rows.append(
+            (str(number), str(step.robot + 1), "{},{}".format(*step.origin),
+             "{},{}".format(*step.goal), str(len(step.path)), str(step.frontier_size),
+             "-" if step.priority is None else f"{step.priority:.3g}", str(len(step.cells)),
+             "" if step.kind == "frontier" else step.kind)
+        )  # fmt: skip
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    for row in rows:
+        yield "  ".join(map(str.rjust, row, widths)).rstrip()
+
+
 def _listed(exploration: Exploration) -> str:
     cells = [cell.cell for cell in exploration.frontier if cell.distance is None]
     return _cells(cells, "frontier cells")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -26,9 +26,16 @@ FIRST_SCANS, FIRST_RECORDS = 40, 10_000
 
 
 def replay_log(
-    log: Log, log_input: LogInput, slam: Slam, keep: Container[int] = (), *, quiet: bool
+    log: Log,
+    log_input: LogInput,
+    slam: Slam,
+    keep: Container[int] = (),
+    watch: Callable[[ReplayRun], None] = lambda run: None,
+    *,
+    quiet: bool,
 ) -> tuple[Replayed, ReplayRun]:
-    """Replay a log to its end, or to Ctrl-C, with a progress bar.
+    """Replay a log to its end, or to Ctrl-C, with a progress bar; `watch` is called after each
+    scan.
 
     Raises:
         DataError: not one scan in the part asked for; KeyboardInterrupt: none before Ctrl-C.
@@ -38,7 +45,7 @@ def replay_log(
     try:
         steps = run.track(_with_known_units(log, log_input, warned))
         for _ in progress(steps, log.name, log.scan_count, quiet=quiet):
-            pass
+            watch(run)
         if not run.poses:
             raise DataError("no scan in the part asked for")
         with progress_of_steps("closing loops", slam.submap_count, quiet=quiet) as report:

@@ -80,6 +80,7 @@ _OPTIONS: tuple[tuple[str, Any, str, dict[str, Any]], ...] = (
     ("--range-max", LASER.range_max, "Metres; farther reads +inf.", {}),
     ("--range-noise", LASER.noise, "Standard deviation of a range, metres.", {}),
     ("--dropout", LASER.dropout, "Share of the beams that read NaN.", {}),
+    ("--stray", LASER.stray, "Share of the beams that read anything within the range.", {}),
     ("--laser-pose", "0,0,0", "Where the laser sits on the robot.", {"type": POSE}),
     ("--people", 0, "How many people walk about, from somewhere on the robot's way.",
      {"type": click.IntRange(0, 1000)}),
@@ -92,8 +93,9 @@ _FAULTS = click.option(
     "--odom-fault", "faults", type=FaultType(), multiple=True,
     help="Odometry wrong from second T0 to T1 of the log; KIND is reverse-sign (metres count "
     "backwards), slip (wheels turn on, robot stands), slip-left or slip-right (that wheel turns "
-    "half as much again as it rolls), freeze (robot moves, wheels count nothing) or stale "
-    "(readings stand still, then catch up). Repeatable.",
+    "half as much again as it rolls), freeze (robot moves, wheels count nothing), stale "
+    "(readings stand still, then catch up) or turn (the right wheel loses its grip: the robot ends "
+    "15 degrees clockwise of what is counted, Sect. 9.5). Repeatable.",
 )  # fmt: skip
 
 _NO_RETURN = click.option(
@@ -172,6 +174,7 @@ def robot_of(given: dict[str, Any]) -> tuple[MotionLimits, WheelModel, LaserMode
         range_max=given["range_max"],
         noise=given["range_noise"],
         dropout=given["dropout"],
+        stray=given["stray"],
         mount=Mount(given["laser_pose"]),
         turn_time=given["turn_time"],
         order=given["beam_order"],

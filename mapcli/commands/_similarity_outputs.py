@@ -22,7 +22,7 @@ from mapcli.algorithms.similarity.comparisons import (
 from mapcli.algorithms.similarity.expected_perception import obstacle_position
 from mapcli.algorithms.similarity.grid_table import pose_in_cells
 from mapcli.algorithms.similarity.local_maxima import window_scores
-from mapcli.algorithms.similarity.map_excerpt import crop_to_perception
+from mapcli.algorithms.similarity.map_excerpt import crop_to_all, crop_to_perception
 from mapcli.algorithms.similarity.ternary_map import ternary_cells
 from mapcli.commands._frontier_outputs import map_files
 from mapcli.commands._similarity_inputs import Loaded
@@ -35,6 +35,7 @@ from mapcli.formats.documents.similarity_table import (
     table_bytes,
     window_bytes,
 )
+from mapcli.model.grid import GridMap
 from mapcli.model.local_maxima import WindowScores
 from mapcli.model.pose import Pose2D
 from mapcli.model.similarity import ScoredCandidate, SimilarityTable, TableSummary
@@ -176,7 +177,9 @@ def write_png(answer: Answer) -> bytes:
 
     comparison = answer.loaded.comparison
     if answer.scores is not None:
-        return picture.heat_map(answer.scores, lower=answer.table.lower)
+        from mapcli.pictures.score_map import heat_map
+
+        return heat_map(answer.scores, lower=answer.table.lower)
     best = _best_of(answer)
     if isinstance(comparison, LandmarksOnMap):
         assert best.pose is not None  # landmarks always have one
@@ -189,11 +192,35 @@ def write_png(answer: Answer) -> bytes:
     cells, perceived, corner = crop_to_perception(
         ternary_cells(comparison.grid, low), comparison.perceived(best, near=True)
     )
-    robot = None
-    if best.pose is not None:
-        u, v, theta = pose_in_cells(comparison.grid, best.pose)
-        robot = (corner[1] + len(cells) - v - 0.5, u - corner[0] - 0.5, theta)
+    robot = _robot_in(comparison.grid, best.pose, corner, len(cells))
     return picture.panels(cells, perceived, robot, best, answer.scoring.similarity)
+
+
+def candidates_png(answer: Answer) -> bytes:
+    """The picture of all candidates: what each perceives, in the cells of the map."""
+    from mapcli.pictures import similarity as picture
+
+    comparison, table = answer.loaded.comparison, answer.table
+    assert isinstance(comparison, ScanOnMap | GridsOnMap)
+    able = [table[r, c] for r, c in np.argwhere(table.comparable()).tolist()]
+    _best_of(answer)  # there is one to show
+    cells = ternary_cells(comparison.grid, answer.scoring.low)
+    maps = [comparison.perceived(one, near=True) for one in able]
+    parts, corner = crop_to_all(cells, maps)
+    robots = [_robot_in(comparison.grid, one.pose, corner, len(parts[0])) for one in able]
+    shown = list(zip(parts, robots, able, strict=True))
+    return picture.candidates(shown, len(table.columns), _best_of(answer).place)
+
+
+def _robot_in(
+    grid: GridMap, pose: Pose2D | None, corner: tuple[int, int], rows: int
+) -> tuple[float, float, float] | None:
+    """Row, column and heading of a pose in so many rows of a map, from a column and a row (from
+    below) on; None if it is not known."""
+    if pose is None:
+        return None
+    u, v, theta = pose_in_cells(grid, pose)
+    return corner[1] + rows - v - 0.5, u - corner[0] - 0.5, theta
 
 
 def _best_of(answer: Answer) -> ScoredCandidate:

@@ -30,6 +30,7 @@ from mapcli.commands._frontier_report import (
     comparison_lines,
     map_text,
     plan_lines,
+    step_lines,
     summary_lines,
 )
 from mapcli.commands._limit_option import limit_option
@@ -84,6 +85,8 @@ USUAL = ExplorationParameters()
 @click.option("--return-home", is_flag=True, help="Go back to the start at the end.")
 @click.option("--plan", is_flag=True, help="Say what the frontier is and where the robots would "
               "go next; nobody moves.")  # fmt: skip
+@click.option("--steps", is_flag=True, help="Print the order in which the robots explore, a line "
+              "a step.")  # fmt: skip
 @click.option("--json", metavar="F", type=FILE, help="The trace of all steps; - is standard "
               "output, here as everywhere.")  # fmt: skip
 @click.option("--png", metavar="F", type=FILE, help="The map as explored, with the paths.")
@@ -97,8 +100,8 @@ USUAL = ExplorationParameters()
 @common_options
 def command(
     world: str, known: str | None, cells: tuple[Any, ...], points: tuple[Any, ...],
-    strategies: tuple[Any, ...], connectivity: str, plan: bool, json: str | None,
-    png: str | None, gif: str | None, map_: str | None, curve: str | None,
+    strategies: tuple[Any, ...], connectivity: str, plan: bool, steps: bool,
+    json: str | None, png: str | None, gif: str | None, map_: str | None, curve: str | None,
     limits: tuple[Limit, ...], dialect: Any, no_clobber: bool, quiet: bool, verbose: bool,
     **parameters: Any,
 ) -> None:  # fmt: skip
@@ -113,6 +116,7 @@ def command(
       mapcli frontier fixtures/fig9_9.txt --known fixtures/fig9_4.txt --robot 5,9 --png fig9_9.png
       mapcli frontier depot.yaml --robot-xy 0,0 --sensor-range 100 --json trace.json --gif run.gif
       mapcli frontier fig9_9.txt --robot 7,4 --strategy nearest --strategy priority --curve -
+      mapcli frontier fixtures/fig9_9.txt --known fixtures/fig9_4.txt --robot 5,9 --steps
       mapcli frontier -q map.yaml --robot-xy 0,0 --fail-if 'coverage<0.95'
     """
     outputs = ExploreOutputs(json, png, gif, map_, curve)
@@ -125,11 +129,11 @@ def command(
     runs = {}
     for strategy in chosen:
         run = replace(usual, strategy=strategy)
-        keep_cells = outputs.show_cells()
+        keep_cells = steps or outputs.show_cells()
         runs[run] = explored(mission, run, plan=plan, keep_cells=keep_cells, quiet=quiet)
     written = write_outputs(outputs, runs, mission.inputs, no_clobber=no_clobber)
     if not quiet:
-        _say(mission, runs, outputs, plan=plan)
+        _say(mission, runs, outputs, plan=plan, steps=steps)
     for name in written if verbose else ():
         say(f"written: {name}")
     for run, made in runs.items():
@@ -188,14 +192,15 @@ def terminal_width() -> int:
     return shutil.get_terminal_size().columns
 
 
-def _say(mission: Mission, runs: Runs, outputs: ExploreOutputs, *, plan: bool) -> None:
+def _say(mission: Mission, runs: Runs, outputs: ExploreOutputs, *, plan: bool, steps: bool) -> None:
     """Summary, plan or comparison; on a terminal that gets nothing else, the map as text."""
     to_stderr = outputs.uses_stdout()
     for parameters, exploration in runs.items():
         if plan:
             lines = [f"strategy: {parameters.strategy}", *plan_lines(exploration)]
         else:
-            lines = summary_lines(exploration, parameters, mission.world)
+            lines = [*step_lines(exploration), ""] if steps else []
+            lines += summary_lines(exploration, parameters, mission.world)
         if not outputs.named() and sys.stdout is not None and sys.stdout.isatty():
             lines += ["", *map_text(exploration, parameters.low, terminal_width())]
         say_lines([*lines, ""] if len(runs) > 1 else lines, err=to_stderr)

@@ -12,6 +12,7 @@ import click
 from mapcli.algorithms.similarity.candidate_poses import CandidateWindow
 from mapcli.algorithms.similarity.comparisons import (
     BEARING_WEIGHT,
+    GridsOnMap,
     LandmarksOnMap,
     ReadingsInDatabase,
     ScanOnMap,
@@ -34,7 +35,13 @@ from mapcli.commands._options import (
 from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say, say_lines
 from mapcli.commands._similarity_inputs import Loaded, load_comparison
-from mapcli.commands._similarity_outputs import Answer, updated_map, window_answer, write_png
+from mapcli.commands._similarity_outputs import (
+    Answer,
+    candidates_png,
+    updated_map,
+    window_answer,
+    write_png,
+)
 from mapcli.commands._similarity_report import notes, report_lines
 from mapcli.errors import DataError
 from mapcli.formats.maps.save import SUFFIXES
@@ -42,6 +49,9 @@ from mapcli.formats.output import output_set
 from mapcli.model.grid import OCCUPIED_THRESHOLD
 from mapcli.model.limit import Limit
 from mapcli.model.similarity import LIMIT_FIELDS
+
+MATRICES = ScanOnMap | GridsOnMap
+"""What is compared cell by cell."""
 
 FORMATS = ("table", "json", "csv", "markdown")
 
@@ -77,6 +87,8 @@ USUAL_WINDOW = CandidateWindow(0.0, 15.0)
               "here as everywhere.")  # fmt: skip
 @click.option("--png", metavar="F", type=FILE, help="A picture: the map, the best perception and "
               "their product; of a window, the scores.")  # fmt: skip
+@click.option("--candidates", is_flag=True, help="Of --png: the perception maps of all candidates, "
+              "as in Figs. 9.19 and 9.20.")  # fmt: skip
 @click.option("--update", metavar="F", type=FILE, help="The map with the best perception written "
               "into it; a points map gets the points of --locate.")  # fmt: skip
 @limit_option(LIMIT_FIELDS, "ties>0")
@@ -87,7 +99,7 @@ def command(
     files: tuple[str, ...], similarity: Any, low: float, bearing_weight: float,
     database: str | None, sightings: tuple[Any, ...], window_xy: float | None,
     window_theta_deg: float | None, step_xy: float | None, step_theta_deg: float,
-    form: str | None, json: str | None, png: str | None, update: str | None,
+    form: str | None, json: str | None, png: str | None, candidates: bool, update: str | None,
     limits: tuple[Limit, ...], dialect: Any, no_clobber: bool, quiet: bool, verbose: bool,
 ) -> None:  # fmt: skip
     """Score every candidate pose of PERCEPTION against MAP and name the best.
@@ -122,6 +134,8 @@ def command(
     \b
     Examples:
       mapcli similarity-table fixtures/corner.txt fixtures/corner-scan.yaml --png corner.png
+      mapcli similarity-table fixtures/corner.txt fixtures/corner-scan.yaml --png all.png \\
+          --candidates
       mapcli similarity-table fixtures/landmarks-map.yaml fixtures/landmarks.yaml \\
           --locate 3.162,-3.435
       mapcli similarity-table map.yaml scan.yaml --window-xy 1 --window-theta-deg 10 --png heat.png
@@ -136,6 +150,8 @@ def command(
     check_outputs(outputs, [*files, *filter(None, [database])], "inputs", no_clobber=no_clobber)
     loaded = load_comparison(files, database, dialect, low)
     _check(loaded, window, png, update, sightings)
+    if candidates and (window or not png or not isinstance(loaded.comparison, MATRICES)):
+        raise click.UsageError("--candidates needs --png, and a scan or perception maps on a map.")
     measure = similarity or loaded.comparison.default_similarity
     scoring = Scoring(measure, low, bearing_weight)
     if loaded.trials is not None:
@@ -154,7 +170,7 @@ def command(
             if json:
                 results.write(json, answer.json())
             if png:
-                results.write(png, write_png(answer))
+                results.write(png, candidates_png(answer) if candidates else write_png(answer))
             if update:
                 results.write_beside(update, updated_map(update, answer))
     for name in outputs if verbose else ():

@@ -31,6 +31,7 @@ from mapcli.commands._options import (
 )
 from mapcli.commands._output import check_inputs
 from mapcli.commands._replay import effective_parameters, replay_log
+from mapcli.commands._replay_explain import MOST_EXPLAINED, Explainer
 from mapcli.commands._replay_outputs import (
     ReplayOutputs,
     check_replay_outputs,
@@ -126,14 +127,20 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
 @click.option("--save-perception", "saved", metavar="N", type=click.IntRange(0), multiple=True,
               help="Write scan N (from 0) with its estimated pose into the folder, as "
               "perception-N.yaml for `mapcli similarity-table`. Repeatable.")  # fmt: skip
+@click.option("--explain", metavar="DIR", type=FILE, help="With --search book: a page that leafs "
+              "through the comparisons, each with its table, the matrices and their product, and "
+              "the map before and after.")  # fmt: skip
+@click.option("--explain-most", metavar="N", type=click.IntRange(1, 10_000),
+              default=MOST_EXPLAINED, show_default=True,
+              help="Comparisons that --explain shows, the first ones.")  # fmt: skip
 @no_clobber_option
 @common_options
 def command(
     logs: tuple[str, ...], folder: str | None, png: str | None, map_: str | None,
     json: str | None, trace: str | None, mcap: str | None, log_input: LogInput,
     loop_closing: bool, known: str | None, initial_pose: Pose2D | None, localize: bool,
-    limits: tuple[Limit, ...], saved: tuple[int, ...], no_clobber: bool, quiet: bool,
-    verbose: bool, **model: Any,
+    limits: tuple[Limit, ...], saved: tuple[int, ...], explain: str | None, explain_most: int,
+    no_clobber: bool, quiet: bool, verbose: bool, **model: Any,
 ) -> None:  # fmt: skip
     """Turn a robot log into a map and a pose trace (Algorithm 9.2).
 
@@ -150,6 +157,7 @@ def command(
       mapcli slam-replay robot.mcap --map map.yaml --trace poses.tum
       mapcli slam-replay sonars.mcap --sensor /range/left=0,0.1,90
       mapcli slam-replay fixtures/five-sensors.csv --search none
+      mapcli slam-replay fixtures/corridor.mcap --search book --explain turns
     """
     outputs = ReplayOutputs(png, map_, json, trace, mcap)
     if folder or not outputs.names():
@@ -158,24 +166,31 @@ def command(
         outputs = ReplayOutputs(**{**usual, **named})
     if localize and not known:
         raise click.UsageError("--localize needs --known, the map to find the poses in.")
+    if explain and model["search"] != "book":
+        raise click.UsageError("--explain shows what --search book compares.")
+    explainer = Explainer(explain, explain_most) if explain else None
     check_inputs([*logs, *filter(None, [known])])
     files = perception_files(folder or default_folder(logs[0]), saved)
     read = DigestingReader()
     base = load_map(known, read=read) if known else None
     inputs = [*log_input.inputs(logs), *(map(str, base.files) if base else ())]
-    check_replay_outputs(outputs, inputs, list(files.values()), no_clobber=no_clobber)
+    others = [*files.values(), *([explainer.index] if explainer else [])]
+    check_replay_outputs(outputs, inputs, others, no_clobber=no_clobber)
     parameters = slam_parameters(loops=loop_closing and not known, frozen=localize, **model)
     slam = Slam(parameters, initial_pose, known_map(base, parameters) if base else None)
     log = log_input.open(logs)
     check_perceptions(files, log)
-    replayed, run = replay_log(log, log_input, slam, files, quiet=quiet)
+    replayed, run = replay_log(
+        log, log_input, slam, files, *([explainer.watch] if explainer else []), quiet=quiet
+    )
     summary = replayed.summary
     told = effective_parameters(log_input, slam, initial_pose, read.digests)
     head = {"inputs": log.digests(), "parameters": told}
     perceptions = perception_contents(
         files, run.kept, replayed.trace, parameters.perception, log.name
     )
-    write_outputs(outputs, replayed, head, perceptions, no_clobber=no_clobber)
+    explained = explainer.contents(log.name) if explainer else {}
+    write_outputs(outputs, replayed, head, perceptions | explained, no_clobber=no_clobber)
     if not (quiet or summary.matched):
         _explain_no_match(parameters.match, run.most_hits)
     for option in BOOK_OPTIONS if parameters.match.search != "book" and not quiet else ():
@@ -184,6 +199,8 @@ def command(
     say_notes(log, verbose=verbose, quiet=quiet)
     if not quiet:
         report(summary, replayed.map, outputs)
+        if explainer:
+            explainer.report()
     if run.stopped_by is not None:
         raise run.stopped_by
     for limit in limits:

@@ -56,6 +56,19 @@ def test_the_summary(capsys: pytest.CaptureFixture[str]) -> None:
     )
 
 
+def test_the_steps_as_a_table(capsys: pytest.CaptureFixture[str]) -> None:
+    """Figs. 9.5 to 9.8: two cells up, one more, then round the obstacle."""
+    assert frontier(*BOOK, "--steps", "--max-steps", "3") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[:4] == [
+        "step  robot  from   to  cells  frontier     p  sensed",
+        "   1      1   5,9  3,9      2        13   0.5       3",
+        "   2      1   3,9  2,9      1        12     1       3",
+        "   3      1   2,9  2,7      4        10  0.25       2",
+    ]
+    assert lines[4:6] == ["", "    strategy  nearest"]
+
+
 def test_the_plan_of_figure_9_10(capsys: pytest.CaptureFixture[str]) -> None:
     plan = (SMALL, "--known", SMALL, "--robot", "3,3", "--plan")
     assert frontier(*plan, "--strategy", "priority") == 0

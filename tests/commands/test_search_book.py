@@ -81,3 +81,31 @@ def test_options_that_change_nothing_are_named(capsys: pytest.CaptureFixture[str
 def test_test_positions_that_are_none(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("slam-replay", "x.mcap", "--book-steps", "0") == 2
     assert "'0' is not of the form CELLS,...: up to 20 numbers" in capsys.readouterr().err
+
+
+def test_the_comparisons_can_be_leafed_through(capsys: pytest.CaptureFixture[str]) -> None:
+    log = simulated(*LASER, "--odom-fault", "slip@3-5")
+    options = ("--search", "book", "--explain", "turns", "--explain-most", "20")
+    assert run("slam-replay", log, "-o", "out", *options) == 0
+    assert "explained  20 of 81 comparisons in turns/index.html; --explain-most" in (
+        capsys.readouterr().err
+    )
+    page = Path("turns/index.html").read_text()
+    assert page.count("<section") == 20
+    assert page.count("data:image/png;base64,") == 40
+    assert "http" not in page
+    assert "prefers-color-scheme: dark" in page
+    assert "ArrowRight" in page
+    pictures = sorted(Path("turns").glob("*.png"))
+    assert len(pictures) == 40
+    tables = [path.read_text().splitlines() for path in sorted(Path("turns").glob("*.csv"))]
+    assert len(tables) == 20
+    assert all(len(lines) == 16 for lines in tables)
+    best = [next(line for line in lines if line.endswith(",1")) for lines in tables]
+    assert any(line.startswith("left,0,") for line in best)  # while the wheel slips
+    assert best[0].startswith("intended,0,")
+
+
+def test_only_the_books_search_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("slam-replay", "x.mcap", "--explain", "turns") == 2
+    assert "--explain shows what --search book compares" in capsys.readouterr().err

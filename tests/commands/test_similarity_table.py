@@ -17,6 +17,7 @@ from PIL import Image
 
 from mapcli import load_map, load_perception
 from mapcli.model.perception import GridPerceptions, ScanPerception
+from mapcli.pictures.similarity import OBSTACLE
 
 CORNER, SCAN, GRIDS = "corner.txt", "corner-scan.yaml", "corner-grids.yaml"
 POINTS, LANDMARKS = "landmarks-map.yaml", "landmarks.yaml"
@@ -500,3 +501,23 @@ def test_quiet_prints_what_was_asked_for_and_nothing_else(capsys: Capture, form:
     assert loud.out
     assert run("similarity-table", "-q", CORNER, SCAN) == 0
     assert capsys.readouterr() == ("", "")
+
+
+def test_all_candidates_in_one_picture() -> None:
+    """Figs. 9.19 and 9.20: fifteen perception maps, five rows of three, the best with its score."""
+    assert run("similarity-table", "-q", CORNER, SCAN, "--png", "all.png", "--candidates") == 0
+    with Image.open("all.png") as image:
+        width, height = image.size
+        cells = np.asarray(image.convert("RGB"))
+    obstacles = (cells == OBSTACLE).all(axis=2)
+    assert all(
+        part.any()
+        for row in np.array_split(obstacles, 5)
+        for part in np.array_split(row, 3, axis=1)
+    )
+    assert width < height
+
+
+def test_candidates_need_a_picture_and_a_map(capsys: Capture) -> None:
+    assert run("similarity-table", CORNER, SCAN, "--candidates") == 2
+    assert "--candidates needs --png, and a scan or perception maps" in capsys.readouterr().err

@@ -19,6 +19,7 @@ from mapcli.cli import COMMANDS, cli
 EXAMPLES = {
     "slam-replay": (
         "<log.mcap -o >folder/ --save-perception 0",
+        "<log.mcap --png >p.png --search book --explain >turns/",
         "<carmen.log --known <image.yaml --initial-pose 0,0,0 --map >m.yaml --png >p.png "
         "--json >t.json --trace >t.tum --mcap >m.mcap",
         "<robot.csv --sensors <sensors.yaml --map >m.txt",

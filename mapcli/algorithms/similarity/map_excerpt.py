@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,24 @@ from mapcli.algorithms.similarity.perception_map import PerceptionMap
 
 WHOLE_MAP_SIDE = 64
 """Maps up to this many rows and columns are shown as a whole."""
+
+
+def crop_to_all(
+    cells: NDArray[np.int8], perceived: Sequence[PerceptionMap]
+) -> tuple[list[NDArray[np.int8]], tuple[int, int]]:
+    """The same cells of all perceptions, as `crop_to_perception` would show them, top row first,
+    and their column and row (from below)."""
+    left, bottom = (min(getattr(p, name) for p in perceived) for name in ("left", "bottom"))
+    right = max(p.left + p.values.shape[1] for p in perceived)
+    top = max(p.bottom + p.values.shape[0] for p in perceived)
+    any_ = np.zeros((top - bottom, right - left), np.int8)
+    for p in perceived:
+        rows, columns = np.nonzero(p.values)
+        any_[rows + p.bottom - bottom, columns + p.left - left] = 1
+    shown, _, corner = crop_to_perception(cells, PerceptionMap(any_, left, bottom))
+    low = corner[1], corner[0]
+    parts = [_cut_out(p.values, (p.bottom, p.left), low, shown.shape)[::-1] for p in perceived]
+    return parts, corner
 
 
 def crop_to_perception(

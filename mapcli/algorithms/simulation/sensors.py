@@ -22,11 +22,14 @@ RANGE_STEP = 2.0**-10
 
 MOST_BEAMS = 1_000_000
 
-FaultKind = Literal["reverse-sign", "slip", "freeze", "slip-left", "slip-right", "stale"]
+FaultKind = Literal["reverse-sign", "slip", "freeze", "slip-left", "slip-right", "stale", "turn"]
 FAULT_KINDS: tuple[str, ...] = get_args(FaultKind)
 
 SPIN = 0.5
 """A wheel that slips turns this much more than it rolls."""
+
+TURN_DEG = 15.0
+"""Degrees that `turn` is about, from its begin to its end."""
 
 TRACK = 0.3
 """Metres from wheel to wheel."""
@@ -40,7 +43,9 @@ class Fault:
         kind: `reverse-sign`: the wheels count metres backwards; `slip`: the wheels turn on while
             the robot stands; `freeze`: the wheels count nothing while the robot moves;
             `slip-left`, `slip-right`: that wheel turns half as much again as it rolls; `stale`:
-            readings repeat the last one, then the first afterwards has all that was missed.
+            readings repeat the last one, then the first afterwards has all that was missed;
+            `turn`: the right wheel loses its grip (Sect. 9.5), so that the robot comes where the
+            wheels count but ends `TURN_DEG` clockwise of the heading that they count.
         begin, end: seconds since the start of the log.
 
     Raises:
@@ -106,7 +111,11 @@ class WheelModel:
 
     def fault_at(self, time: float) -> FaultKind | None:
         """The fault at a time, in seconds since the start of the log."""
-        return next((f.kind for f in self.faults if f.begin <= time < f.end), None)
+        fault = self._fault_at(time)
+        return None if fault is None else fault.kind
+
+    def _fault_at(self, time: float) -> Fault | None:
+        return next((f for f in self.faults if f.begin <= time < f.end), None)
 
     def counted(self, moved: Pose2D, time: float) -> Pose2D:
         """The relative pose by which the wheels turn when the robot moves by `moved`.
@@ -116,7 +125,11 @@ class WheelModel:
         Args:
             time: in the midst of the motion, seconds since the start of the log.
         """
-        match self.fault_at(time):
+        fault = self._fault_at(time)
+        match fault.kind if fault else None:
+            case "turn" if fault:
+                share = min(1 / (self.rate * (fault.end - fault.begin)), 1.0)
+                return Pose2D(moved.x, moved.y, moved.theta + math.radians(TURN_DEG) * share)
             case "freeze":
                 return Pose2D()
             case "reverse-sign":
@@ -159,6 +172,7 @@ class LaserModel:
         no_return: what reads instead of +inf, metres: one of these, drawn for each beam.
         noise: standard deviation of a range, metres.
         dropout: share of the beams that read NaN, in [0, 1).
+        stray: share of the beams that read anything within the range, in [0, 1).
         mount: where the laser sits on the robot.
 
     Raises:
@@ -172,6 +186,7 @@ class LaserModel:
     range_max: float = 12.0
     noise: float = 0.01
     dropout: float = 0.0
+    stray: float = 0.0
     mount: Mount = field(default_factory=Mount)
     turn_time: float = 0.0
     order: BeamOrder = "forward"
@@ -189,6 +204,8 @@ class LaserModel:
             raise DataError(f"noise is {self.noise:g}", expected="metres, 0 or more")
         if not 0 <= self.dropout < 1:
             raise DataError(f"dropout is {self.dropout:g}", expected="a share in [0, 1)")
+        if not 0 <= self.stray < 1:
+            raise DataError(f"stray is {self.stray:g}", expected="a share in [0, 1)")
         if not 0 <= self.turn_time <= 1 / self.rate:
             raise DataError(
                 f"turn_time is {self.turn_time:g}",
@@ -233,6 +250,9 @@ class LaserModel:
         ranges = np.round(ranges / RANGE_STEP) * RANGE_STEP
         ranges[ranges > self.range_max] = np.inf
         ranges[ranges < self.range_min] = -np.inf
+        if self.stray:
+            strays = rng.random(self.beams) < self.stray
+            ranges[strays] = rng.uniform(self.range_min, self.range_max, np.count_nonzero(strays))
         ranges[rng.random(self.beams) < self.dropout] = np.nan
         if self.no_return:
             nothing = np.isposinf(ranges)

@@ -99,10 +99,18 @@ def _match(grid: OccupancyGrid, n: Floats, search: BookSearch) -> Match:
 
 def _part(grid: OccupancyGrid, n: Floats, reach: float) -> GridMap:
     """What the map holds around a pose, both in cells."""
-    (left, bottom), (right, top) = (
-        np.floor(n[:2] + far).astype(np.int64) for far in (-reach, reach)
-    )
-    signs = np.sign(grid.log_odds[bottom:top, left:right]).astype(np.float32)
+    low, high = (np.floor(n[:2] + far).astype(np.int64) for far in (-reach, reach))
+    corner = grid.pose_from_cells(np.append(low, 0.0))
+    return map_part(grid, (corner.x, corner.y), (int(high[1] - low[1]), int(high[0] - low[0])))
+
+
+def map_part(grid: OccupancyGrid, corner: tuple[float, float], shape: tuple[int, int]) -> GridMap:
+    """A part of the map as a matrix of Sect. 9.5: 0 empty, 1 obstacle, NaN unknown.
+
+    Args:
+        corner: of its lower left cell, metres; shape: rows and columns.
+    """
+    u, v = np.rint(grid.to_cells(np.array([corner]))[0]).astype(np.int64)
+    signs = np.sign(grid.log_odds[v : v + shape[0], u : u + shape[1]]).astype(np.float32)
     cells = np.where(signs == 0, np.float32(np.nan), (signs + 1) / 2)
-    corner = grid.pose_from_cells(np.array([left, bottom, 0.0]))
-    return GridMap.from_bottom_up(cells, grid.parameters.resolution, (corner.x, corner.y))
+    return GridMap.from_bottom_up(cells, grid.parameters.resolution, corner)

@@ -67,6 +67,21 @@ def _empty_cells(part: Perception, cell: float, pose: Floats) -> NDArray[np.int6
     return np.column_stack([columns + drawn.left, rows + drawn.bottom])
 
 
+def perception_signs(
+    perception: Perception, cell: float, pose: Floats, shape: tuple[int, int]
+) -> Signs:
+    """p as a matrix, drawn at a pose into the cells of a map of this shape, bottom-up."""
+    places = perceived_places(perception, cell, pose).places
+    cells = np.floor(places @ _rotation(pose[2]).T + pose[:2]).astype(np.int64)
+    inside = ((cells >= 0) & (cells < shape[::-1])).all(axis=1)
+    ends = np.arange(len(cells)) < len(perception.hits)
+    signs = np.zeros(shape, np.int8)
+    for which, sign in ((~ends, -1), (ends, 1)):  # an end outweighs an empty middle
+        u, v = cells[inside & which].T
+        signs[v, u] = sign
+    return signs
+
+
 def expected_places(grid: OccupancyGrid, p: PerceivedPlaces, pose: Floats) -> Signs:
     """e <- expected(m, t): what the map lets expect at each place of p, seen from a pose."""
     e = _look_up(grid, p.places, pose)

@@ -147,6 +147,31 @@ def test_slipping_wheels() -> None:
     assert truth[-1] == pytest.approx(2.0, abs=1e-5)
 
 
+def test_a_wheel_that_loses_its_grip_for_a_moment() -> None:
+    """Sect. 9.5: the robot comes as far as is counted, but ends 15 degrees clockwise of it."""
+    straight = plan_drive([Waypoint(1, 2), Waypoint(4, 2)])
+    wheels = replace(EXACT_WHEELS, faults=(Fault("turn", 2, 3),))
+    simulation = Simulation(ROOM, straight, wheels, EXACT_LASER)
+    counted, truth = (poses_of(simulation, kind) for kind in (Odometry, TruePose))
+    turn = np.degrees([b.theta - a.theta for a, b in zip(truth, counted, strict=True)])
+    assert turn[40] == pytest.approx(0, abs=0.01)
+    assert turn[60:] == pytest.approx(15, abs=0.01)
+    assert counted[60].x == pytest.approx(truth[60].x - 1, abs=0.01)
+
+
+def test_stray_readings_are_anywhere_within_the_range() -> None:
+    straight = plan_drive([Waypoint(1, 2), Waypoint(3, 2)])
+    laser = LaserModel(rate=2, beams=400, noise=0, stray=0.25, range_min=0.2, range_max=8)
+    scans = []
+    for one in (laser, replace(laser, stray=0.0)):
+        records = Simulation(ROOM, straight, EXACT_WHEELS, one).records()
+        scans.append(next(r.ranges for r in records if isinstance(r, RangeScan)))
+    strayed = scans[0][scans[0] != scans[1]]
+    assert 0.2 < len(strayed) / 400 < 0.3
+    assert 0.2 <= strayed.min() < 1
+    assert 6 < strayed.max() <= 8
+
+
 def test_stale_odometry_catches_up_at_once() -> None:
     _, odometry, truth = wheels_and_truth(Fault("stale", 2, 3))
     assert set(odometry[40:60]) == {odometry[39]}
