@@ -220,17 +220,17 @@ class Slam:
             self.known_map_fit.check()
 
     def _update_map(self, pose: Pose2D, perception: Perception, laser: Mount) -> bool:
-        """Line 10, unless the map contradicts the scan; where it goes on doing so, a map that
-        forgets begins anew, and one that does not is written to after all."""
-        if not self.lost.lost_scans:
+        """Line 10, unless the map contradicts the scan; where it goes on doing so, it begins anew.
+        A map that never forgets is always written to: with walls of old laps it contradicts right
+        poses too, when the robot comes back with an error."""
+        if not self.lost.lost_scans or self.parameters.local_map.max_length_m is None:
             return self.local_map.update(pose, perception, laser)
         if not self.lost.is_elsewhere or not self.local_map.is_due(pose, laser):
             return False
-        if self.parameters.local_map.max_length_m is not None:
-            self.local_map.begin_anew(pose)
-            self.faults.begin_anew()
-            self._lasers = {laser}
-            self._history = MatchHistory(FIRST_SCORE)
+        self.local_map.begin_anew(pose)
+        self.faults.begin_anew()
+        self._lasers = {laser}
+        self._history = MatchHistory(FIRST_SCORE)
         return self.local_map.update(pose, perception, laser)
 
     def _update_history(self, before: Pose2D, match: Match) -> None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from support.looping import laps, log_of, ring, rooms, scan_at
 
 from mapcli.algorithms.slam.lost_track import ANYWHERE, MOST_SCANS, LostTrack
 from mapcli.algorithms.slam.match import Match
 from mapcli.algorithms.slam.motion_model import MotionModel, OdometryUncertainty
-from mapcli.algorithms.slam.slam import Slam
+from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import RangeScan
 from mapcli.model.se2_uncertainty import CERTAIN, StandardDeviations
@@ -91,3 +92,18 @@ def test_a_robot_that_was_carried_begins_anew() -> None:
     assert lost == list(range(len(WAY), len(WAY) + MOST_SCANS + 1))
     for traced, pose in zip(found[len(WAY) :], there, strict=True):
         assert WAY[0].between(away.compose(pose)).distance(traced.pose) < 0.05
+
+
+def test_a_map_that_never_forgets_is_always_written_to() -> None:
+    scans = around(WAY)
+    scans[20] = scan_at(rooms(3), Pose2D(2.0, 0.0, 1.0), 20)
+    slam, plain = Slam(), Slam(SlamParameters().without_loops())
+    before = {}
+    for one in (slam, plain):
+        poses = one.replay(log_of(scans[:21], WAY[:21]))
+        for _ in range(20):
+            next(poses)
+        before[one] = np.count_nonzero(one.map.log_odds)
+        next(poses)
+    assert np.count_nonzero(slam.map.log_odds) == before[slam]
+    assert np.count_nonzero(plain.map.log_odds) > before[plain]
