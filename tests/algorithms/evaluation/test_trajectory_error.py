@@ -23,7 +23,7 @@ from mapcli.errors import DataError
 from mapcli.formats.documents.load_trajectory import load_trajectory
 from mapcli.formats.documents.trajectory_text import dump_trajectory
 from mapcli.formats.logs.open_log import open_log
-from mapcli.model.evaluation import Errors, limit_fields, statistics
+from mapcli.model.evaluation import Errors, names_of_limits, statistics
 from mapcli.model.pose import Pose2D, interpolate
 from mapcli.model.scan import Odometry
 from mapcli.model.trace import PoseTrace, TracedPose
@@ -182,4 +182,4 @@ def test_pairs_along_the_path() -> None:
 
 def test_limits_know_every_number() -> None:
     truth = trajectory((0, 0, 0, 0), (2, 2, 0, 0))
-    assert tuple(evaluate_trajectory(truth, truth).numbers()) == limit_fields("trajectory")
+    assert tuple(evaluate_trajectory(truth, truth).numbers()) == names_of_limits("trajectory")
