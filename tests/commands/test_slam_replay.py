@@ -594,8 +594,8 @@ def test_ctrl_c_keeps_what_is_known(
     summary = trace["summary"]
     assert summary["interrupted"] is True
     assert summary["used"] == 20
-    assert summary["scans"] == 20 + sum(summary["skipped"].values())
-    assert list(summary["skipped"]) == ["scans not reached before the interruption"]
+    assert summary["scans"] == 20
+    assert summary["skipped"] == {}  # no scan is held back where nothing is searched for in them
     assert capsys.readouterr().err.endswith("Interrupted.\n")
 
 
