@@ -42,6 +42,7 @@ def make_stand_ins(kit: Path, here: Path) -> None:
         f"rasterize {FIXTURES}/fig9_1.yaml {here}/fig9_1.txt --box 0,0,8,8",
         f"slam-replay {here}/robot.mcap -o {slam} --trace {here}/trace.tum",
         f"perceive {here}/robot.mcap {here}/scan.yaml --at 30",
+        f"perceive {kit}/room.txt {here}/trials.yaml --cell 4,6 --beams 8 --noise 0.1 --times 3",
         f"transform {slam}/map.yaml {here}/depot.yaml --resample 0.2",
     ):
         assert run(*line.split(), "-q") == 0, line
