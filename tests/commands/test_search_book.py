@@ -15,6 +15,13 @@ ROBOT = ("--odom-noise", "0,0,0,0", "--speed", "0.2", "--range-max", "2")
 LASER = ("--beams", "61", "--fov-deg", "180")
 FIVE_SENSORS = ("--beams", "5", "--fov-deg", "180", "--range-max", "1")
 
+THREE_SENSORS = (
+    "--range-max", "1", "--sensor", "a=0.05,0,0", "--sensor", "b=0.04,0.03,45",
+    "--sensor", "c=0.04,-0.03,-45",
+)  # fmt: skip
+TO_THE_SIDE = "--range-max", "1", "--sensor", "left=0,0.05,90"
+RING = tuple(word for k in range(8) for word in ("--sensor", f"r{k}=0,0,{45 * k}"))
+
 CELL = 0.05
 
 
@@ -37,7 +44,7 @@ def error(log: str, *options: str) -> float:
     return float(json.loads(Path("e.json").read_text())["summary"]["ate_rmse"])
 
 
-@pytest.mark.parametrize("sensor", [LASER, FIVE_SENSORS])
+@pytest.mark.parametrize("sensor", [LASER, FIVE_SENSORS, THREE_SENSORS, TO_THE_SIDE, RING])
 def test_perfect_odometry_is_never_left_by_more_than_a_cell(sensor: tuple[str, ...]) -> None:
     log = simulated(*sensor)
     assert error(log, "--search", "none") < 1e-5

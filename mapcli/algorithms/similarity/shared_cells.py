@@ -41,25 +41,35 @@ class Comparison(NamedTuple):
             odometry's pose does not, and the other way round.
         lead: the similarity of the test position less that of the odometry's, so that more is
             better; NaN where it is not defined.
+        independent: the share of the cells that is evidence of its own.
     """
 
     cells: int
     wins: int
     losses: int
     lead: float
+    independent: float = 1.0
 
     @property
     def is_better(self) -> bool:
         """Whether the test position is better, and not just by chance: a sign test."""
-        chance = max(CHANCE_SIGMAS * math.sqrt(self.wins + self.losses), FEW)
+        votes = (self.wins + self.losses) / self.independent
+        chance = max(CHANCE_SIGMAS * math.sqrt(votes), FEW)
         return self.lead > 0 and self.wins - self.losses > chance
 
 
-def compare(p: Signs, expected: Signs, by_odometry: Signs, similarity: Similarity) -> Comparison:
+def compare(
+    p: Signs,
+    expected: Signs,
+    by_odometry: Signs,
+    similarity: Similarity,
+    independent: float = 1.0,
+) -> Comparison:
     """Compare a perception with what is expected at a test position and at the odometry's pose.
 
     Args:
         p, expected, by_odometry: the same cells, shape (n,): -1 empty, +1 obstacle, 0 unknown.
+        independent: the share of p that is evidence of its own, see `Perception`.
     """
     shared = (p != 0) & (expected != 0) & (by_odometry != 0)
     codes = 4 * (p[shared] > 0) + 2 * (expected[shared] > 0) + (by_odometry[shared] > 0)
@@ -68,4 +78,4 @@ def compare(p: Signs, expected: Signs, by_odometry: Signs, similarity: Similarit
     score, odometry = higher_is_better(similarity, similarity_of_counts(similarity, pairs))
     lead = float(score - odometry) if np.isfinite([score, odometry]).all() else math.nan
     wins, losses = counts[0, 0, 1] + counts[1, 1, 0], counts[0, 1, 0] + counts[1, 0, 1]
-    return Comparison(int(counts.sum()), int(wins), int(losses), lead)
+    return Comparison(int(counts.sum()), int(wins), int(losses), lead, independent)

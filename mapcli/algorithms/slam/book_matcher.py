@@ -61,13 +61,14 @@ def best_of_fifteen(
     grid.extend_to(middle - reach, middle + reach)
     n = grid.pose_to_cells(predicted)
     p = perceived_places(perception, cell, n)  # 4
+    similarity, independent = parameters.similarity, perception.independent
     by_odometry, votes = expected_places(grid, p, n), []
     for offset in candidates.offsets:  # 5
         row = []
         for turn in candidates.turns_deg:
             t = n + np.append(offset, math.radians(turn))
             e = expected_places(grid, p, t)  # 6
-            row.append(compare(p.signs, e, by_odometry, parameters.similarity))  # 7
+            row.append(compare(p.signs, e, by_odometry, similarity, independent))  # 7
         votes.append(tuple(row))
     chosen = _best(votes)  # 8
     search = BookSearch(

@@ -46,6 +46,13 @@ def test_a_majority_that_chance_would_give_is_none(wins: int, losses: int, expec
     assert Comparison(100, wins, losses, 0.1).is_better is expected
 
 
+def test_cells_that_tell_the_same_count_as_one() -> None:
+    """Of ten readings of a sensor along a way, nine tell nothing new: 9 to 4 is 0.9 to 0.4."""
+    assert Comparison(100, 9, 4, 0.1, independent=1.0).is_better
+    assert not Comparison(100, 9, 4, 0.1, independent=0.1).is_better
+    assert Comparison(100, 40, 10, 0.1, independent=0.1).is_better
+
+
 def test_a_similarity_that_is_not_defined_is_not_better() -> None:
     one = compare(signs("####"), signs("####"), signs("...."), "correlation")
     assert math.isnan(one.lead)
