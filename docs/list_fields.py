@@ -14,6 +14,9 @@ from mapcli.formats.documents.json_schema import DOCUMENTS, FILES, json_schema
 PAGE = Path(__file__).with_name("formats.md")
 BEGIN, END = "<!-- fields: docs/list_fields.py writes this -->", "<!-- end of fields -->"
 
+HEAD = "format", "version", "mapcli", "input", "parameters"
+"""What all documents share."""
+
 Schema = dict[str, Any]
 
 
@@ -73,8 +76,7 @@ def sections() -> Iterator[str]:
         schema = json_schema(name)
         form = f"mapcli.{name}" if name in DOCUMENTS else name
         yield f"### {form}\n\n{schema['title']}. Written by {schema['writtenBy']}.\n"
-        head = json_schema("pose-trace")["properties"] if name in DOCUMENTS else {}
-        shared = ("format", "version", "mapcli", "input", "parameters") if head else ()
+        shared = HEAD if name in DOCUMENTS else ()
         own = {key: field for key, field in schema.get("properties", {}).items()
                if key not in shared}  # fmt: skip
         for one in schema.get("oneOf", [{**schema, "properties": own}]):
@@ -86,8 +88,7 @@ def sections() -> Iterator[str]:
 def head() -> str:
     """The table of what all documents share."""
     schema = json_schema(DOCUMENTS[0])
-    shared = {key: schema["properties"][key]
-              for key in ("format", "version", "mapcli", "input", "parameters")}  # fmt: skip
+    shared = {key: schema["properties"][key] for key in HEAD}
     shared["format"] = {"type": "string", "description": "`mapcli.` and a name of this page"}
     return "\n".join(table({"properties": shared, "required": [*shared]}, schema["since"]))
 

@@ -82,6 +82,14 @@ MOST_NUMBERS = 20
 """Of a list that may have any length."""
 
 
+def numbers_in(value: Any) -> tuple[float, ...]:
+    """The numbers of `1,2,3`; none if one of them is none."""
+    try:
+        return tuple(float(part) for part in str(value).split(","))
+    except ValueError:
+        return ()
+
+
 class Numbers(click.ParamType[Any]):
     """`1,2,3`: some numbers separated by commas, each within bounds."""
 
@@ -96,10 +104,7 @@ class Numbers(click.ParamType[Any]):
     ) -> tuple[float, ...]:
         if isinstance(value, tuple):
             return value
-        try:
-            numbers = tuple(float(part) for part in str(value).split(","))
-        except ValueError:
-            numbers = ()
+        numbers = numbers_in(value)
         able = all(self.low <= number <= self.high for number in numbers)
         if not able or not 1 <= len(numbers) <= MOST_NUMBERS:
             self.fail(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,28 +10,16 @@ from typing import Any
 from mapcli.formats.documents.json_document import document
 from mapcli.formats.documents.world import load_world
 from mapcli.formats.input import sha256_of
-from mapcli.formats.maps.load import sniff
 from mapcli.model.counting import counted
 from mapcli.model.grid import GridMap
 from mapcli.model.world import World
 
 Points = Sequence[tuple[float, float]]
 
-_KEY = r"(?m)^[ {]*[\"']?(%s)[\"']?\s*:"
-_OBJECTS, _GRID = (
-    re.compile((_KEY % keys).encode()) for keys in ("polygons|points", "image|cells")
-)
-
-
-def looks_continuous(start: bytes) -> bool:
-    """Whether the first bytes of a file are those of a continuous map."""
-    found = _OBJECTS.search(start) and not _GRID.search(start)
-    return bool(found) and sniff(start) == "yaml"
-
 
 def world_report(file: str, at: Points) -> tuple[list[str], dict[str, Any]] | None:
     """What to print about a continuous map, and the same as a document; None of a grid map that
-    `looks_continuous`: its key `image` may be spelt with escapes."""
+    looks like one: its key `image` may be spelt with escapes."""
     loaded = load_world(file)
     world = loaded.world
     if not isinstance(world, World):

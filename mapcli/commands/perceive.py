@@ -22,6 +22,7 @@ from mapcli.commands._options import (
     PoseType,
     common_options,
     no_clobber_option,
+    numbers_in,
 )
 from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say, warn
@@ -48,10 +49,7 @@ class Numbers(click.ParamType[Any]):
     def convert(self, value: Any, param: Any, ctx: Any) -> Any:
         if isinstance(value, tuple):
             return value
-        try:
-            numbers = tuple(float(part) for part in str(value).split(","))
-        except ValueError:
-            numbers = ()
+        numbers = numbers_in(value)
         if (
             not numbers
             or len(set(numbers)) < len(numbers)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import hashlib
 import os
+import shutil
 import stat
 import sys
 import weakref
@@ -14,7 +15,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
-from tempfile import NamedTemporaryFile, TemporaryFile
+from tempfile import NamedTemporaryFile, TemporaryFile, mkdtemp
 from typing import IO, cast
 
 from mapcli.errors import FormatError
@@ -180,8 +181,15 @@ def spooled(blocks: Iterable[bytes]) -> Reopenable:
     return Reopenable(Path(file.name) if has_name else OPEN_FILES / str(file.fileno()), lifetime)
 
 
+def temporary_folder() -> Reopenable:
+    """An empty folder that is gone, with what is in it, when nobody holds what keeps it."""
+    folder, lifetime = mkdtemp(prefix="mapcli-"), _Lifetime()
+    weakref.finalize(lifetime, shutil.rmtree, folder, ignore_errors=True)
+    return Reopenable(Path(folder), lifetime)
+
+
 class _Lifetime:
-    """Its end is that of a temporary file."""
+    """Its end is that of something temporary."""
 
 
 def _is_endless(path: Path) -> bool:

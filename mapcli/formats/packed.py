@@ -8,6 +8,9 @@ from typing import Any, NamedTuple
 
 from mapcli.formats.input import GZIP_MAGIC, SNIFFED_BYTES
 
+ZSTD_MAGIC, LZ4_MAGIC = b"\x28\xb5\x2f\xfd", b"\x04\x22\x4d\x18"
+"""How frames of these begin, files or parts of files."""
+
 
 class Packing(NamedTuple):
     """A way to pack a file.
@@ -54,10 +57,10 @@ def _lz4() -> Any:
 
 PACKINGS = (
     Packing("gzip", GZIP_MAGIC, _gzip),
-    Packing("zstd", b"\x28\xb5\x2f\xfd", _zstd),
+    Packing("zstd", ZSTD_MAGIC, _zstd),
     Packing("bzip2", b"BZh", _bzip2),
     Packing("xz", b"\xfd7zXZ", _xz),
-    Packing("lz4", b"\x04\x22\x4d\x18", _lz4),
+    Packing("lz4", LZ4_MAGIC, _lz4),
 )
 
 

@@ -140,7 +140,7 @@ def load_trace(path: str | Path, topic: str | None = None) -> LoadedTrace:
             text = read_text_trace(data, file)
             content = _content(text.trace, text.form, file, digest)
             return LoadedTrace(file, content, text.form, text.has_times, digest, (), text.trace)
-    return _of_log(logged_trajectory(file, topic, data), file)
+    return _of_log(logged_trajectory(file, topic, data, digest), file)
 
 
 def _of_log(loaded: LoadedTrajectory, file: str) -> LoadedTrace:

@@ -7,8 +7,10 @@ Our own `trace.json`, the formats of `trajectory_text`, `t x y theta` text, and 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +20,9 @@ from mapcli.formats.documents.trajectory_text import EXPECTED, read_trajectory
 from mapcli.formats.file_kind import Role, expecting
 from mapcli.formats.input import read_file, sha256_of, spooled, unpacked
 from mapcli.model.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from mapcli.formats.logs.log import Source
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +55,7 @@ def load_trajectory(path: str | Path, topic: str | None = None) -> LoadedTraject
         data, digest = unpacked(packed, path), sha256_of(packed)
         if not is_log_of_messages(data):
             return LoadedTrajectory(_from_text(data, path, topic), digest)
-    return logged_trajectory(path, topic, data)
+    return logged_trajectory(path, topic, data, digest)
 
 
 def is_log_of_messages(data: bytes) -> bool:
@@ -70,11 +75,14 @@ def _from_text(data: bytes, file: str, topic: str | None) -> Trajectory:
     return trajectory
 
 
-def logged_trajectory(path: str, topic: str | None, data: bytes = b"") -> LoadedTrajectory:
+def logged_trajectory(
+    path: str, topic: str | None, data: bytes = b"", digest: str | None = None
+) -> LoadedTrajectory:
     """The poses of a log of messages; raises as `load_trajectory`.
 
     Args:
         data: what was read of standard input.
+        digest: SHA-256 of the file, where it is known; else that of all files of a folder.
     """
     from mapcli.formats.logs.log import Source
     from mapcli.formats.logs.open_log import sources_of
@@ -86,13 +94,20 @@ def logged_trajectory(path: str, topic: str | None, data: bytes = b"") -> Loaded
         sources = [Source(path, copy.path, copy)]
     else:
         sources = list(sources_of(path))
-    damage, digest = Damage(), hashlib.sha256()
+    damage = Damage()
     trajectory = read_logged_poses(sources, topic, damage)
+    sha256 = digest or _digest_of(sources)
+    return LoadedTrajectory(trajectory, sha256, tuple(damage.lines()))
+
+
+def _digest_of(sources: Iterable[Source]) -> str:
+    """SHA-256 of files one after the other."""
+    digest = hashlib.sha256()
     for source in sources:
         with source.path.open("rb") as file:
             for block in iter(lambda: file.read(1 << 20), b""):
                 digest.update(block)
-    return LoadedTrajectory(trajectory, digest.hexdigest(), tuple(damage.lines()))
+    return digest.hexdigest()
 
 
 def _check(trajectory: Trajectory, file: str) -> None:

@@ -37,6 +37,14 @@ class Message(NamedTuple):
     lost: int = 0
 
 
+def most_of(told: dict[int, int], found: dict[int, int]) -> dict[int, int]:
+    """Stream -> messages that a part of a file held, those included that are lost: as many as its
+    index tells, or as were found in it."""
+    if not found:
+        return told
+    return {stream: max(told.get(stream, 0), found.get(stream, 0)) for stream in told | found}
+
+
 class MessageFile(Protocol):
     """One file of a recording, open for reading.
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 from mapcli.formats.logs.mcap.frames import zstd_start
 from mapcli.formats.logs.message_file import MessageFile, Stream
 from mapcli.formats.logs.ros import decode, decode_ros1, foxglove, other_scans
+from mapcli.formats.packed import ZSTD_MAGIC
 from mapcli.model.log import Damage, Role, Topic
 
 Decoder = Callable[[Any], Any]
@@ -82,10 +83,6 @@ JSON_KEYS = {
 MAX_MESSAGE_BYTES = 1 << 28
 """Of an unpacked message; a cloud of a million points has a tenth of it."""
 
-ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-"""How a message begins that rosbag2 has packed (`--compression-mode message`); CDR begins with
-two bytes of which the first is 0."""
-
 
 def kind_of_type(type_name: str) -> MessageKind | None:
     """Of `sensor_msgs/msg/LaserScan`, `sensor_msgs::msg::dds_::LaserScan_`, `foxglove.LaserScan`;
@@ -149,7 +146,8 @@ def _role(kind: MessageKind | None, stream: Stream) -> Role:
 
 
 def unpacked(data: memoryview) -> memoryview | bytes:
-    """A message, unpacked if it was packed by itself.
+    """A message, unpacked if rosbag2 has packed it by itself (`--compression-mode message`): CDR
+    begins with two bytes of which the first is 0.
 
     Raises:
         ValueError: it is broken.

@@ -10,24 +10,20 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
-import weakref
 from collections import Counter
 from collections.abc import Container, Iterator
 from contextlib import suppress
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 from urllib.parse import quote
 
 from mapcli.errors import FormatError
-from mapcli.formats.input import OPEN_FILES
+from mapcli.formats.input import OPEN_FILES, temporary_folder
 from mapcli.formats.logs.bag_metadata import told_counts
 from mapcli.formats.logs.log import Source
 from mapcli.formats.logs.losses import LossLedger
 from mapcli.formats.logs.message_file import NOTHING, Message, Stream
 from mapcli.model.log import Damage
-
-MAGIC = b"SQLite format 3\0"
 
 JOURNALS = "-wal", "-journal"
 """What may lie beside a database, by the ends of the names."""
@@ -143,18 +139,12 @@ def _opened(source: Source) -> tuple[sqlite3.Connection, object]:
     # A file without a name cannot be found again by its link, as SQLite wants to.
     if not beside and path.parent != OPEN_FILES:
         return _connected(path, "mode=ro&immutable=1"), None
-    folder = mkdtemp(prefix="mapcli-")
-    lifetime = _Lifetime()
-    weakref.finalize(lifetime, shutil.rmtree, folder, ignore_errors=True)
-    copy = Path(folder) / "bag.db3"
+    folder = temporary_folder()
+    copy = folder.path / "bag.db3"
     shutil.copyfile(path, copy)
     for file in beside:
         shutil.copyfile(file, f"{copy}{file.name.removeprefix(path.name)}")
-    return _connected(copy, "mode=rw"), lifetime
-
-
-class _Lifetime:
-    """Its end is that of a copy."""
+    return _connected(copy, "mode=rw"), folder.keeps
 
 
 def _connected(path: Path, how: str) -> sqlite3.Connection:

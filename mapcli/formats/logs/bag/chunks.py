@@ -12,6 +12,7 @@ from mapcli import memory
 from mapcli.formats.logs.bag.records import MESSAGE, Record, records_in
 from mapcli.formats.logs.mcap.chunks import LEAST_LIMIT_BYTES, MAX_RATIO, MAX_UNPACKED_BYTES
 from mapcli.formats.logs.mcap.frames import lz4_start
+from mapcli.formats.logs.message_file import most_of
 
 STEP_BYTES = 4096
 """Packed bytes at a time, of a broken bz2 stream."""
@@ -41,10 +42,7 @@ class Chunk:
 
     def held(self) -> dict[int, int]:
         """Connection -> messages that were in it, those included that are lost."""
-        return {
-            connection: max(self.told.get(connection, 0), self.counts.get(connection, 0))
-            for connection in self.told | self.counts
-        }
+        return most_of(self.told, self.counts)
 
 
 class Content(NamedTuple):

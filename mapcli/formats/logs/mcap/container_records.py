@@ -17,6 +17,8 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
+from mapcli.formats.logs.message_file import most_of
+from mapcli.formats.packed import LZ4_MAGIC, ZSTD_MAGIC
 from mapcli.model.scan import NANOSECONDS
 
 MAX_DESCRIPTION_BYTES = 1 << 24
@@ -29,7 +31,7 @@ MESSAGE = struct.Struct("<HIQQ")
 """Channel, sequence, log time, publish time."""
 MAX_NAME_BYTES = 64
 NAME_LENGTHS = len("zstd"), len("lz4"), 0
-MAGICS = {b"\x28\xb5\x2f\xfd": "zstd", b"\x04\x22\x4d\x18": "lz4"}
+MAGICS = {ZSTD_MAGIC: "zstd", LZ4_MAGIC: "lz4"}
 """First bytes of a chunk's content -> how it is compressed."""
 
 NEAR_NS = 3600 * NANOSECONDS
@@ -88,12 +90,7 @@ class Segment:
 
     def held(self) -> dict[int, int]:
         """Messages by channel that were in it, those included that are lost."""
-        if not self.counts:
-            return self.told
-        return {
-            channel: max(self.told.get(channel, 0), self.counts.get(channel, 0))
-            for channel in self.told | self.counts
-        }
+        return most_of(self.told, self.counts)
 
 
 @dataclass(frozen=True, slots=True)

@@ -118,13 +118,20 @@ _BAD_BYTES = (
 @refuses
 def scan_from_cdr(data: Buffer) -> LaserScan:
     order, body = opened(data)
+    scan, n, at = scan_without_ranges(order, body)
+    ranges = np.frombuffer(body, dtype=f"{order}f4", count=n, offset=at)
+    return LaserScan(*scan, ranges=ranges)
+
+
+def scan_without_ranges(
+    order: str, body: Buffer
+) -> tuple[tuple[int, str, float, float, float, float, float, float], int, int]:
+    """What LaserScan and MultiEchoLaserScan have in common: the fields of a `LaserScan` before the
+    ranges, how many of these there are, and where they begin."""
     stamp, frame, at = header_at(order, body, 0)
     at += -at % 4
-    angle_min, angle_max, increment, seconds, _, low, high, n = struct.unpack_from(
-        f"{order}7fI", body, at
-    )
-    ranges = np.frombuffer(body, dtype=f"{order}f4", count=n, offset=at + 32)
-    return LaserScan(stamp, frame, angle_min, angle_max, increment, seconds, low, high, ranges)
+    first, last, step, seconds, _, low, high, n = struct.unpack_from(f"{order}7fI", body, at)
+    return (stamp, frame, first, last, step, seconds, low, high), n, at + 32
 
 
 @refuses

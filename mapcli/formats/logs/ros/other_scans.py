@@ -13,7 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.formats.logs.ros.decode import Buffer, LaserScan, header_at, opened, refuses, string_at
+from mapcli.formats.logs.ros.decode import (
+    Buffer,
+    LaserScan,
+    header_at,
+    opened,
+    refuses,
+    scan_without_ranges,
+    string_at,
+)
 
 MAX_FIELDS, MAX_ECHOES = 64, 64
 """Of a cloud, and of a beam; what has more is no such message."""
@@ -48,12 +56,7 @@ class PointCloud:
 def scan_from_multi_echo_cdr(data: Buffer) -> LaserScan:
     """sensor_msgs/msg/MultiEchoLaserScan: the first echo of each beam, and no return without."""
     order, body = opened(data)
-    stamp, frame, at = header_at(order, body, 0)
-    at += -at % 4
-    angle_min, angle_max, step, seconds, _, low, high, beams = struct.unpack_from(
-        f"{order}7fI", body, at
-    )
-    at += 32
+    scan, beams, at = scan_without_ranges(order, body)
     ranges = np.full(min(beams, len(body) // 4), np.inf, np.float32)
     for beam in range(len(ranges)):
         (echoes,) = struct.unpack_from(f"{order}I", body, at)
@@ -64,7 +67,7 @@ def scan_from_multi_echo_cdr(data: Buffer) -> LaserScan:
         at += 4 + 4 * echoes
     if at > len(body) or len(ranges) < beams:
         raise ValueError("beams are missing")
-    return LaserScan(stamp, frame, angle_min, angle_max, step, seconds, low, high, ranges)
+    return LaserScan(*scan, ranges=ranges)
 
 
 @refuses
