@@ -35,6 +35,9 @@ INDEXED = struct.Struct("<III")
 OP_FIELD = b"\x04\0\0\0op="
 SEARCHED_BYTES = 1 << 20
 
+FARTHEST_OP = 512
+"""Bytes after the beginning of a record at which its field `op` is looked for."""
+
 Fields = dict[bytes, bytes]
 
 
@@ -155,22 +158,24 @@ def _read(file: BinaryIO, offset: int, size: int) -> Record | None:
 
 def _next_record(file: BinaryIO, offset: int, size: int) -> int:
     """Where the next record begins; the size of the file if there is none."""
-    overlap = MAX_HEADER_BYTES
     while offset < size:
         file.seek(offset)
-        block = file.read(SEARCHED_BYTES + overlap)
-        at = -1
-        while 0 <= (at := block.find(OP_FIELD, at + 1)) < SEARCHED_BYTES:
-            for start in range(at - LENGTH.size, max(at - 512, 0) - 1, -1):
-                found = _record_at(block, start)
-                if (
-                    found is not None
-                    and found.data > at
-                    and _is_followed(file, offset, found, size)
-                ):
-                    return offset + start
+        block = file.read(SEARCHED_BYTES + MAX_HEADER_BYTES)
+        for start, op in _possible_starts(block):
+            found = _record_at(block, start)
+            if found and found.data > op and _is_followed(file, offset, found, size):
+                return offset + start
         offset += SEARCHED_BYTES
     return size
+
+
+def _possible_starts(block: bytes) -> Iterator[tuple[int, int]]:
+    """Where a record may begin, some bytes before each field `op`, the nearest first; and where
+    the field is."""
+    op = -1
+    while 0 <= (op := block.find(OP_FIELD, op + 1)) < SEARCHED_BYTES:
+        for start in range(op - LENGTH.size, max(op - FARTHEST_OP, 0) - 1, -1):
+            yield start, op
 
 
 def _is_followed(file: BinaryIO, offset: int, record: Record, size: int) -> bool:
