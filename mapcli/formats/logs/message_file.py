@@ -21,11 +21,13 @@ class Stream(NamedTuple):
     Attributes:
         topic: as recorded, `/scan`; type: of its messages, empty where none is told.
         encoding: of their bytes: `cdr`, `json`, `ros1`, `protobuf`...
+        schema: the definition of the type, as stored; protobuf cannot be read without.
     """
 
     topic: str
     type: str
     encoding: str
+    schema: bytes = b""
 
 
 class Message(NamedTuple):

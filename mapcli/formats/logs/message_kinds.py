@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Callable, Mapping, Sequence
-from itertools import islice
-from operator import itemgetter
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from mapcli.formats.logs.mcap.frames import zstd_start
-from mapcli.formats.logs.message_file import MessageFile, Stream
-from mapcli.formats.logs.ros import decode, decode_ros1, foxglove, other_scans
+from mapcli.formats.logs.message_file import Stream
+from mapcli.formats.logs.ros import decode, decode_json, decode_ros1, foxglove, other_scans
 from mapcli.formats.packed import ZSTD_MAGIC
-from mapcli.model.log import Damage, Role, Topic
+from mapcli.model.log import Role, Topic
 
 Decoder = Callable[[Any], Any]
+
+PROTOBUF = "protobuf"
 
 
 class MessageKind(NamedTuple):
@@ -31,30 +30,44 @@ class MessageKind(NamedTuple):
 
 _TRANSFORMS = MessageKind("tf", {
     "cdr": decode.transforms_from_cdr,
-    "json": decode.transforms_from_json,
+    "json": decode_json.transforms_from_json,
     "ros1": decode_ros1.transforms_from_ros1,
 })  # fmt: skip
 _POSE = MessageKind("pose", {
     "cdr": decode.pose_from_cdr,
+    "json": decode_json.pose_from_json,
     "ros1": decode_ros1.pose_from_ros1,
 })  # fmt: skip
 
 ROS = {
     "LaserScan": MessageKind("scan", {
         "cdr": decode.scan_from_cdr,
-        "json": decode.scan_from_json,
+        "json": decode_json.scan_from_json,
         "ros1": decode_ros1.scan_from_ros1,
     }),
-    "MultiEchoLaserScan": MessageKind("scan", {"cdr": other_scans.scan_from_multi_echo_cdr}),
-    "PointCloud2": MessageKind("cloud", {"cdr": other_scans.cloud_from_cdr}),
+    "MultiEchoLaserScan": MessageKind("scan", {
+        "cdr": other_scans.multi_echo_from_cdr,
+        "json": decode_json.multi_echo_from_json,
+        "ros1": other_scans.multi_echo_from_ros1,
+    }),
+    "PointCloud2": MessageKind("cloud", {
+        "cdr": other_scans.cloud_from_cdr,
+        "json": decode_json.cloud_from_json,
+        "ros1": other_scans.cloud_from_ros1,
+    }),
     "Range": MessageKind("range", {
         "cdr": decode.range_from_cdr,
-        "json": decode.range_from_json,
+        "json": decode_json.range_from_json,
         "ros1": decode_ros1.range_from_ros1,
     }),
     "Odometry": MessageKind("odometry", {
         "cdr": decode.odometry_from_cdr,
-        "json": decode.odometry_from_json,
+        "json": decode_json.odometry_from_json,
+        "ros1": decode_ros1.odometry_from_ros1,
+    }),
+    "TransformStamped": MessageKind("pose", {
+        "cdr": decode.odometry_from_cdr,
+        "json": decode_json.transform_from_json,
         "ros1": decode_ros1.odometry_from_ros1,
     }),
     "PoseStamped": _POSE,
@@ -64,21 +77,21 @@ ROS = {
 }  # fmt: skip
 """Last part of a type's name -> the kind."""
 
+
+def _of_foxglove(role: Role, decode_fields: Callable[[foxglove.Fields], Any]) -> MessageKind:
+    """A kind of Foxglove's; in protobuf, the fields are found by the channel's schema."""
+    return MessageKind(role, {"json": foxglove.of_json(decode_fields), PROTOBUF: decode_fields})
+
+
 FOXGLOVE = {
-    "LaserScan": MessageKind("scan", {"json": foxglove.scan_from_json}),
-    "PoseInFrame": MessageKind("pose", {"json": foxglove.pose_from_json}),
-    "FrameTransform": MessageKind("tf", {"json": foxglove.transforms_from_json}),
-    "FrameTransforms": MessageKind("tf", {"json": foxglove.transforms_from_json}),
+    "LaserScan": _of_foxglove("scan", foxglove.scan_of),
+    "PointCloud": _of_foxglove("cloud", foxglove.cloud_of),
+    "Odometry": _of_foxglove("odometry", foxglove.pose_of),
+    "PoseInFrame": _of_foxglove("pose", foxglove.pose_of),
+    "FrameTransform": _of_foxglove("tf", foxglove.transforms_of),
+    "FrameTransforms": _of_foxglove("tf", foxglove.transforms_of),
 }
 """The same of Foxglove's own types."""
-
-JSON_KEYS = {
-    "angle_min": ROS["LaserScan"],
-    "radiation_type": ROS["Range"],
-    "child_frame_id": ROS["Odometry"],
-    "transforms": _TRANSFORMS,
-}
-"""Key by which a JSON message without a schema is recognised -> its kind."""
 
 MAX_MESSAGE_BYTES = 1 << 28
 """Of an unpacked message; a cloud of a million points has a tenth of it."""
@@ -96,53 +109,16 @@ def last_part(type_name: str) -> str:
     return re.split(r"[/:.]+", type_name)[-1].rstrip("_")
 
 
-def kind_of_stream(file: MessageFile, number: int, stream: Stream) -> MessageKind | None:
-    """Of a stream of a file; without a type, by the keys of its first message in JSON."""
-    if stream.type or stream.encoding != "json":
-        return kind_of_type(stream.type)
-    for message in islice(file.messages({number}, Damage()), 1):
-        try:
-            keys = json.loads(bytes(message.data)).keys()
-        except (ValueError, AttributeError, RecursionError):
-            break
-        return next((kind for key, kind in JSON_KEYS.items() if key in keys), None)
-    return None
-
-
-def decoder_of(topic: Topic) -> Decoder:
-    """What decodes the messages of a topic that has a role."""
+def decoder_of(topic: Topic, stream: Stream) -> Decoder:
+    """What decodes the messages of a stream that carries a topic with a role."""
     kind = kind_of_type(topic.type)
-    if kind is None:  # without a type: by the role that the first message showed
-        role = "tf" if topic.role == "tf_static" else topic.role
-        kind = next(kind for kind in JSON_KEYS.values() if kind.role == role)
-    return kind.decoders[topic.encoding]
+    assert kind is not None, "only what is read has a role"
+    decoder = kind.decoders[topic.encoding]
+    if topic.encoding != PROTOBUF:
+        return decoder
+    from mapcli.formats.logs.protobuf import decoder_of_fields
 
-
-def topics_of(files: Sequence[MessageFile]) -> dict[Topic, list[tuple[MessageFile, int]]]:
-    """The topics of all files by name, with the streams that carry them."""
-    carriers: dict[tuple[str, str, str, Role], list[tuple[MessageFile, int]]] = {}
-    for file in files:
-        for number, stream in file.streams.items():
-            role = _role(kind_of_stream(file, number, stream), stream)
-            key = stream.topic, stream.type or "no type", stream.encoding, role
-            carriers.setdefault(key, []).append((file, number))
-    topics = {}
-    for (name, type_name, encoding, role), streams in sorted(carriers.items(), key=itemgetter(0)):
-        count = sum(file.counts.get(number, 0) for file, number in streams)
-        spans = [file.spans[number] for file, number in streams if number in file.spans]
-        first = min((span[0] for span in spans), default=0)
-        last = max((span[1] for span in spans), default=0)
-        topics[Topic(name, role, type_name, encoding, count, first, last)] = streams
-    return topics
-
-
-def _role(kind: MessageKind | None, stream: Stream) -> Role:
-    """Of a stream; `other` if its encoding cannot be decoded."""
-    if kind is None or stream.encoding not in kind.decoders:
-        return "other"
-    if kind.role == "tf" and stream.topic.endswith("tf_static"):
-        return "tf_static"
-    return kind.role
+    return decoder_of_fields(stream.type, stream.schema, decoder)
 
 
 def unpacked(data: memoryview) -> memoryview | bytes:

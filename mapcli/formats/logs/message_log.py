@@ -15,7 +15,6 @@ from mapcli.formats.logs.message_file import MessageFile
 from mapcli.formats.logs.message_kinds import (
     decoder_of,
     kind_of_type,
-    topics_of,
     unpacked,
 )
 from mapcli.formats.logs.mounts import describe_mount
@@ -23,9 +22,10 @@ from mapcli.formats.logs.one_recording import Spans
 from mapcli.formats.logs.range_topics import RangeTopics
 from mapcli.formats.logs.ros.decode import LaserScan, Transform
 from mapcli.formats.logs.ros.laser_scan import range_scan
-from mapcli.formats.logs.ros.other_scans import Band, scan_of_cloud
+from mapcli.formats.logs.ros.point_cloud import Band, scan_of_cloud
 from mapcli.formats.logs.ros.robot import Robot, TfOdometry, find_robot
 from mapcli.formats.logs.ros.segments import TurnAssembler
+from mapcli.formats.logs.stream_topics import topics_of
 from mapcli.formats.logs.topics import SCANS
 from mapcli.formats.logs.units import count_units, in_metres_and_radians
 from mapcli.model.log import Damage, Delay, Entry, LogOptions, MissedScans, Role, Topic
@@ -53,7 +53,8 @@ class MessageLog(Log):
         super().__init__(sources, options)
         self._structure: Damage = type(self.damage)()
         self._files = [container(source, self._structure) for source in sources]
-        self._topics = topics_of(self._files)
+        named = {*options.scan_topics, *filter(None, [options.odom_topic])}
+        self._topics = topics_of(self._files, named)
         self._robot: Robot | None = None
 
     def topics(self) -> list[Topic]:
@@ -65,7 +66,7 @@ class MessageLog(Log):
             raise DataError(
                 f"{foreign[0].name} holds {foreign[0].type} in {foreign[0].encoding}",
                 file=self.sources[0].name,
-                expected=f"{self.scans_are} in cdr, json or ros1",
+                expected=f"{self.scans_are} in cdr, json or ros1; Foxglove's in json or protobuf",
             )
         try:
             return super().require_scan_topics()
@@ -82,7 +83,7 @@ class MessageLog(Log):
     def _known_robot(self, odom: Topic | None) -> Robot:
         """The frames, read ahead of the records."""
         if self._robot is None:
-            child = self._first(odom, "child") if odom and odom.role == "odometry" else ""
+            child = self._first(odom, "child") if odom and odom.role != "tf" else ""
             frame = self._first(self.require_scan_topics()[0], "frame")
             static, moving = self._transforms("tf_static"), self._transforms("tf")
             named = bool(odom and odom.role == "tf" and self.options.odom_topic)
@@ -109,7 +110,7 @@ class MessageLog(Log):
     def _decoded(self, part: int, topics: Sequence[Topic], damage: Damage) -> Iterator[Decoded]:
         file = self._files[part]
         carried = {
-            number: (topic, decoder_of(topic))
+            number: (topic, decoder_of(topic, file.streams[number]))
             for topic in topics
             for carrier, number in self._topics[topic]
             if carrier is file
@@ -146,12 +147,16 @@ class MessageLog(Log):
             self.damage.add(what, times, where=self._structure.first.get(what))
         if not all(file.complete for file in self._files):
             self.note("how many scans the damaged log held is not known")
+        for topic, carriers in self._topics.items():
+            told = {file.streams[number].type for file, number in carriers}
+            if topic.role != "other" and told != {topic.type}:
+                self.note(f"{topic.name}: read as {topic.type}, as its content shows")
         odom = self.find_odom_topic()
         wanted = [*self.require_scan_topics(), *filter(None, [odom])]
         self.delays = {topic.name: Delay() for topic in wanted}
         robot = self._known_robot(odom)
         transforms = TfOdometry(robot) if odom and odom.role == "tf" else None
-        mounts: dict[str, Mount] = {}
+        mounts: dict[tuple[str, tuple[float, ...]], Mount] = {}
         turns: dict[Topic, TurnAssembler] = {}
         sensors = RangeTopics(self, robot)
         for log_time, topic, message, part in self._messages(wanted, self.damage):
@@ -178,16 +183,21 @@ class MessageLog(Log):
                 if reading is not None:
                     yield reading
                 continue
-            if message.frame not in mounts:
-                mounts[message.frame] = self._mount(robot, message.frame, topic)
+            if (place := (message.frame, message.origin)) not in mounts:
+                if any(place[0] == frame for frame, _ in mounts):
+                    raise DataError(
+                        f"the scans' own pose in {place[0]!r} moves", file=self.sources[0].name,
+                        where=topic.name, expected="the pose of the laser on the robot",
+                    )  # fmt: skip
+                mounts[place] = self._mount(robot, place, topic)
             if topic.role == "cloud":
                 message = scan_of_cloud(message, Band(*self.options.cloud_height))
             message = replace(message, stamp_ns=stamp)
             for scan in turns.setdefault(topic, TurnAssembler()).add(message):
-                yield self._scan(scan, mounts[scan.frame], topic)
+                yield self._scan(scan, mounts[scan.frame, scan.origin], topic)
         for topic, assembler in turns.items():
             for scan in assembler.rest():
-                yield self._scan(scan, mounts[scan.frame], topic)
+                yield self._scan(scan, mounts[scan.frame, scan.origin], topic)
             if assembler.segments > 1:
                 self.note(f"{topic.name}: {assembler.segments} messages make one turn")
 
@@ -204,11 +214,11 @@ class MessageLog(Log):
         where = f"at {stamp_ns / NANOSECONDS:g} s"
         return self._missed_scan(what, self.sources[0].name, where)
 
-    def _mount(self, robot: Robot, frame: str, topic: Topic) -> Mount:
+    def _mount(self, robot: Robot, place: tuple[str, tuple[float, ...]], topic: Topic) -> Mount:
         if self.laser_pose is not None:
             return self.laser_pose
         try:
-            mount, remark = robot.mount(frame)
+            mount, remark = robot.mount(*place)
         except DataError as error:
             raise DataError(
                 error.problem, file=self.sources[0].name, where=topic.name, expected=error.expected

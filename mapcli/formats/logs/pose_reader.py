@@ -11,8 +11,9 @@ import numpy as np
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.logs.log import Source
 from mapcli.formats.logs.message_file import MessageFile
-from mapcli.formats.logs.message_kinds import decoder_of, topics_of, unpacked
+from mapcli.formats.logs.message_kinds import decoder_of, unpacked
 from mapcli.formats.logs.open_log import open_files
+from mapcli.formats.logs.stream_topics import topics_of
 from mapcli.formats.logs.topics import LogNames
 from mapcli.model.log import Damage, Topic
 from mapcli.model.trajectory import Trajectory
@@ -32,7 +33,7 @@ def read_logged_poses(sources: Sequence[Source], topic: str | None, damage: Dama
         FormatError: not one readable pose.
     """
     files, name = open_files(sources, damage), sources[0].name
-    carriers = topics_of(files)
+    carriers = topics_of(files, {topic} if topic else ())
     try:
         chosen = choose_pose_topic([*carriers], topic, name)
     except DataError as error:
@@ -49,8 +50,8 @@ def _poses(
     topic: Topic, carriers: Sequence[tuple[MessageFile, int]], damage: Damage
 ) -> Iterator[tuple[int, float, float, float]]:
     """Stamp, x, y and theta of each message."""
-    decoder = decoder_of(topic)
     for file, number in carriers:
+        decoder = decoder_of(topic, file.streams[number])
         for log_time, _, data, lost in file.messages({number}, damage):
             if lost:
                 continue

@@ -19,15 +19,12 @@ from mapcli.errors import DataError
 from mapcli.formats.logs.open_log import open_log
 from mapcli.formats.logs.ros import foxglove
 from mapcli.formats.logs.ros.decode import LaserScan
-from mapcli.formats.logs.ros.other_scans import (
-    Band,
-    cloud_from_cdr,
-    scan_from_multi_echo_cdr,
-    scan_of_cloud,
-)
+from mapcli.formats.logs.ros.other_scans import cloud_from_cdr, multi_echo_from_cdr
+from mapcli.formats.logs.ros.point_cloud import Band, scan_of_cloud
 from mapcli.formats.logs.ros.segments import TurnAssembler
 from mapcli.model.log import LogOptions
-from mapcli.model.scan import Odometry, RangeScan
+from mapcli.model.pose import Pose2D
+from mapcli.model.scan import Mount, Odometry, RangeScan
 
 CASES = SHARED / "cases" / "logs"
 HUMBLE = get_typestore(Stores.ROS2_HUMBLE)
@@ -58,7 +55,7 @@ def multi_echo(*beams: list[float]) -> bytes:
 
 
 def test_the_first_echo_of_each_beam() -> None:
-    found = scan_from_multi_echo_cdr(multi_echo([1.0, 2.0], [], [3.0]))
+    found = multi_echo_from_cdr(multi_echo([1.0, 2.0], [], [3.0]))
     assert found.ranges.tolist() == [1.0, math.inf, 3.0]
     assert (found.stamp_ns, found.frame) == (1.5 * S, "laser")
     assert (found.angle_min, found.angle_increment, found.range_max) == (-0.5, 0.5, 30.0)
@@ -69,7 +66,7 @@ def test_echoes_cut_anywhere_are_refused() -> None:
     good = multi_echo([1.0, 2.0], [], [3.0])
     for size in range(len(good) - 8):  # the last list, of intensities, is not needed
         with pytest.raises(ValueError, match=r".*"):
-            scan_from_multi_echo_cdr(good[:size])
+            multi_echo_from_cdr(good[:size])
 
 
 # --- PointCloud2
@@ -207,25 +204,56 @@ def test_a_foxglove_scan_literally() -> None:
     turn = {"x": 0, "y": 0, "z": math.sin(0.25), "w": math.cos(0.25)}
     message = {
         "timestamp": {"sec": 3, "nsec": 5}, "frame_id": "/laser", "start_angle": -1.0,
-        "end_angle": 1.0, "ranges": [1, None, 3], "pose": {"position": {}, "orientation": turn},
+        "end_angle": 1.0, "ranges": [1, None, 3],
+        "pose": {"position": {"x": 2}, "orientation": turn},
     }  # fmt: skip
-    found = foxglove.scan_from_json(json.dumps(message).encode())
+    decode = foxglove.of_json(foxglove.scan_of)
+    found = decode(json.dumps(message).encode())
     assert (found.stamp_ns, found.frame) == (3 * S + 5, "laser")
-    assert found.angle_min == pytest.approx(-0.5)
-    assert found.angle_increment == 1.0
+    assert (found.angle_min, found.angle_increment) == (-1.0, 1.0)
+    assert found.origin == (2, 0, 0, 0, 0, math.sin(0.25), math.cos(0.25))
     assert found.ranges.tolist()[::2] == [1.0, 3.0]
     assert math.isnan(found.ranges[1])
+    for pose in ({}, {"position": {}, "orientation": {"x": 0, "y": 0, "z": 0, "w": 0}}):
+        assert decode(json.dumps({**message, "pose": pose}).encode()).origin == ()
     for bad in ({**message, "ranges": 1}, {**message, "timestamp": {"sec": 1, "nsec": -1}}, [],
-                {**message, "pose": {"position": {"x": 1}, "orientation": turn}}):  # fmt: skip
+                {**message, "pose": {"position": {"x": "?"}}}):  # fmt: skip
         with pytest.raises(ValueError, match=r".*"):
-            foxglove.scan_from_json(json.dumps(bad).encode())
+            decode(json.dumps(bad).encode())
+
+
+def test_a_rotation_of_which_zeros_are_left_out() -> None:
+    """JSON of protobuf has no fields that are 0: half a turn has no w, and none has no z."""
+    for rotation, yaw in (({}, 0.0), ({"z": 1}, math.pi), ({"z": 0.6}, 2 * math.asin(0.6))):
+        message = {"timestamp": {}, "frame_id": "odom", "pose": {"orientation": rotation}}
+        found = foxglove.of_json(foxglove.pose_of)(json.dumps(message).encode())
+        assert abs(found.pose.theta) == pytest.approx(yaw)
+
+
+def test_the_pose_of_a_foxglove_scan_in_its_frame_is_a_part_of_the_mount(tmp_path: Path) -> None:
+    def scans(*places: float) -> str:
+        sent = [
+            Sent("/scan", "foxglove.LaserScan", None, k * S, json.dumps({
+                "timestamp": {"sec": k}, "frame_id": "base_link", "start_angle": -1.0,
+                "end_angle": 1.0, "ranges": [1, 2, 3],
+                "pose": {"position": {"x": x}, "orientation": {"x": 1}},
+            }).encode())
+            for k, x in enumerate(places, start=1)
+        ]  # fmt: skip
+        return mcap_file(tmp_path, *sent, encoding="json")
+
+    (found, _) = open_log(scans(0.2, 0.2)).records()
+    assert isinstance(found, RangeScan)
+    assert found.mount == Mount(Pose2D(0.2, 0.0, 0.0), flipped=True)
+    with pytest.raises(DataError, match="the scans' own pose in 'base_link' moves"):
+        list(open_log(scans(0.2, 0.3)).records())
 
 
 def test_iso_times_as_protobuf_writes_them() -> None:
     message = {"timestamp": "1970-01-01T00:00:02.5Z", "parent_frame_id": "odom",
                "child_frame_id": "base", "translation": {"x": 1}, "rotation": {}}  # fmt: skip
     for content in (message, {"transforms": [message]}):
-        (found,) = foxglove.transforms_from_json(json.dumps(content).encode())
+        (found,) = foxglove.of_json(foxglove.transforms_of)(json.dumps(content).encode())
         assert found.stamp_ns == 2.5 * S
         assert found.motion.pose().x == 1
 

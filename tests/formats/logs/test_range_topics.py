@@ -14,7 +14,8 @@ from mapcli import LogOptions, Pose2D, open_log, save_log
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.logs.log import Log
 from mapcli.formats.logs.ros import messages as ros
-from mapcli.formats.logs.ros.decode import range_from_cdr, range_from_json
+from mapcli.formats.logs.ros.decode import range_from_cdr
+from mapcli.formats.logs.ros.decode_json import range_from_json
 from mapcli.formats.logs.ros.decode_ros1 import range_from_ros1
 from mapcli.model.range_reading import RangeReading
 from mapcli.model.scan import Mount

@@ -72,12 +72,12 @@ class McapFile:
 
     @property
     def streams(self) -> dict[int, Stream]:
-        """The channels, with the names of their schemas."""
+        """The channels, with their schemas."""
         streams = {}
         for number, channel in self.channels.items():
             schema = self.schemas.get(channel.schema_id)
-            name = schema.name if schema else ""
-            streams[number] = Stream(channel.topic, name, channel.message_encoding)
+            name, text = (schema.name, schema.data) if schema else ("", b"")
+            streams[number] = Stream(channel.topic, name, channel.message_encoding, text)
         return streams
 
     def _all_described(self) -> bool:

@@ -1,5 +1,5 @@
-"""Decoding LaserScan, Range, Odometry, PoseStamped and TFMessage, from CDR or from JSON of the same
-shape.
+"""Decoding LaserScan, Range, Odometry, PoseStamped, TransformStamped and TFMessage from CDR, and
+the records that they become.
 
 Every decoder raises ValueError for bytes that do not hold its message. These messages make
 up whole logs and have not changed since ROS 2 began, so their CDR is read by hand: ten times
@@ -8,8 +8,6 @@ faster than by general decoders, and no schema is needed.
 
 from __future__ import annotations
 
-import json
-import math
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +17,6 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.formats.logs.rep117 import single
 from mapcli.formats.logs.ros.transforms import Rigid, rigid
 from mapcli.model.pose import Pose2D, planar_pose
 from mapcli.model.scan import NANOSECONDS
@@ -32,7 +29,12 @@ Buffer = bytes | memoryview
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LaserScan:
-    """The fields of sensor_msgs/msg/LaserScan that matter here, as sent."""
+    """The fields of sensor_msgs/msg/LaserScan that matter here, as sent.
+
+    Attributes:
+        origin: where the scan's own frame is in `frame`: x, y, z, and a quaternion x, y, z, w;
+            empty where they are one, as they are but in messages of Foxglove's.
+    """
 
     stamp_ns: int
     frame: str
@@ -43,6 +45,7 @@ class LaserScan:
     range_min: float
     range_max: float
     ranges: NDArray[np.float32]
+    origin: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,20 +63,12 @@ class RangeMessage:
 
 @dataclass(frozen=True, slots=True)
 class OdometryMessage:
-    """nav_msgs/msg/Odometry in the plane: `frame` from `child`."""
+    """nav_msgs/msg/Odometry in the plane: `frame` from `child`, or another message that tells a
+    pose; PoseStamped does not tell whose, and `child` is empty."""
 
     stamp_ns: int
     frame: str
     child: str
-    pose: Pose2D
-
-
-@dataclass(frozen=True, slots=True)
-class PoseMessage:
-    """geometry_msgs/msg/PoseStamped in the plane: a pose in `frame`."""
-
-    stamp_ns: int
-    frame: str
     pose: Pose2D
 
 
@@ -144,6 +139,7 @@ def range_from_cdr(data: Buffer) -> RangeMessage:
 
 @refuses
 def odometry_from_cdr(data: Buffer) -> OdometryMessage:
+    """Odometry, or TransformStamped: up to the pose they are laid out alike."""
     order, body = opened(data)
     stamp, frame, at = header_at(order, body, 0)
     child, at = _string(order, body, at)
@@ -152,11 +148,12 @@ def odometry_from_cdr(data: Buffer) -> OdometryMessage:
 
 
 @refuses
-def pose_from_cdr(data: Buffer) -> PoseMessage:
+def pose_from_cdr(data: Buffer) -> OdometryMessage:
+    """PoseStamped, or PoseWithCovarianceStamped."""
     order, body = opened(data)
     stamp, frame, at = header_at(order, body, 0)
     x, y, _, *quaternion = struct.unpack_from(f"{order}7d", body, at + -at % 8)
-    return PoseMessage(stamp, frame, planar_pose((x, y), quaternion))
+    return OdometryMessage(stamp, frame, "", planar_pose((x, y), quaternion))
 
 
 @refuses
@@ -206,64 +203,10 @@ def string_at(order: str, body: Buffer, at: int) -> tuple[str, int]:
 
 @lru_cache(maxsize=64)
 def _decoded(name: bytes) -> str:
-    return _frame(name.rstrip(b"\0").decode())
+    return bare_frame(name.rstrip(b"\0").decode())
 
 
-@refuses
-def scan_from_json(data: Buffer) -> LaserScan:
-    message = json_object(data)
-    with np.errstate(over="ignore"):
-        ranges = np.array(message["ranges"], dtype=np.float32)  # null and "NaN" become NaN
-    if ranges.ndim != 1:
-        raise ValueError("ranges are no list")
-    number = {
-        key: _number(message.get(key))
-        for key in ("angle_min", "angle_max", "angle_increment", "range_min", "range_max")
-    }
-    number["time_increment"] = _number(message.get("time_increment", 0.0))
-    return LaserScan(_json_stamp(message), _json_frame(message), **number, ranges=ranges)
-
-
-@refuses
-def range_from_json(data: Buffer) -> RangeMessage:
-    message = json_object(data)
-    keys = "field_of_view", "min_range", "max_range", "range"
-    numbers = [_number(message.get(key)) for key in keys]
-    return RangeMessage(_json_stamp(message), _json_frame(message), *numbers)
-
-
-@refuses
-def odometry_from_json(data: Buffer) -> OdometryMessage:
-    message = json_object(data)
-    pose = message["pose"]["pose"]
-    position, orientation = pose["position"], pose["orientation"]
-    return OdometryMessage(
-        _json_stamp(message),
-        _json_frame(message),
-        _frame(message.get("child_frame_id", "")),
-        planar_pose(
-            [float(position[key]) for key in "xy"], [float(orientation[key]) for key in "xyzw"]
-        ),
-    )
-
-
-@refuses
-def transforms_from_json(data: Buffer) -> list[Transform]:
-    return [
-        Transform(
-            _json_stamp(t),
-            _json_frame(t),
-            _frame(t["child_frame_id"]),
-            rigid(
-                [float(t["transform"]["translation"][key]) for key in "xyz"],
-                [float(t["transform"]["rotation"][key]) for key in "xyzw"],
-            ),
-        )
-        for t in json_object(data)["transforms"]
-    ]
-
-
-def _frame(name: str) -> str:
+def bare_frame(name: str) -> str:
     """Frame names without the leading slash of old."""
     return name.lstrip("/")
 
@@ -273,27 +216,3 @@ def stamp_of(seconds: Any, nanoseconds: Any) -> int:
     if abs(stamp) >= 1 << 63:  # JSON has numbers of any length
         raise ValueError(f"a stamp of {stamp.bit_length()} bits")
     return stamp
-
-
-def json_object(data: Buffer) -> dict[str, Any]:
-    message = json.loads(bytes(data))
-    if not isinstance(message, dict):
-        raise ValueError("no JSON object")
-    return message
-
-
-def _json_frame(message: dict[str, Any]) -> str:
-    return _frame(message["header"].get("frame_id", ""))
-
-
-def _json_stamp(message: dict[str, Any]) -> int:
-    """`{sec, nanosec}` (ROS 2), `{sec, nsec}` (Foxglove) or `{secs, nsecs}` (ROS 1)."""
-    stamp = message["header"]["stamp"]
-    seconds = next(stamp[key] for key in ("sec", "secs") if key in stamp)
-    parts = (stamp[key] for key in ("nanosec", "nsec", "nsecs") if key in stamp)
-    return stamp_of(seconds, next(parts, 0))
-
-
-def _number(value: Any) -> float:
-    """A float32 field: JSON has no NaN, so null stands for it."""
-    return math.nan if value is None else single(float(value))

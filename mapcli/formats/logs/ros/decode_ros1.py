@@ -14,7 +14,6 @@ from mapcli.formats.logs.ros.decode import (
     Buffer,
     LaserScan,
     OdometryMessage,
-    PoseMessage,
     RangeMessage,
     Transform,
     refuses,
@@ -34,31 +33,40 @@ _COUNT = struct.Struct("<I")
 
 @refuses
 def scan_from_ros1(data: Buffer) -> LaserScan:
-    stamp, frame, at = _header(data, 0)
-    angle_min, angle_max, step, seconds, _, low, high, n = _SCAN.unpack_from(data, at)
-    ranges = np.frombuffer(data, dtype="<f4", count=n, offset=at + _SCAN.size)
-    return LaserScan(stamp, frame, angle_min, angle_max, step, seconds, low, high, ranges)
+    scan, n, at = ros1_scan_without_ranges(data)
+    return LaserScan(*scan, ranges=np.frombuffer(data, dtype="<f4", count=n, offset=at))
+
+
+def ros1_scan_without_ranges(
+    data: Buffer,
+) -> tuple[tuple[int, str, float, float, float, float, float, float], int, int]:
+    """As `decode.scan_without_ranges`."""
+    stamp, frame, at = ros1_header(data, 0)
+    first, last, step, seconds, _, low, high, n = _SCAN.unpack_from(data, at)
+    return (stamp, frame, first, last, step, seconds, low, high), n, at + _SCAN.size
 
 
 @refuses
 def range_from_ros1(data: Buffer) -> RangeMessage:
-    stamp, frame, at = _header(data, 0)
+    stamp, frame, at = ros1_header(data, 0)
     return RangeMessage(stamp, frame, *_RANGE.unpack_from(data, at))
 
 
 @refuses
 def odometry_from_ros1(data: Buffer) -> OdometryMessage:
-    stamp, frame, at = _header(data, 0)
+    """Odometry, or TransformStamped."""
+    stamp, frame, at = ros1_header(data, 0)
     child, at = string_at(ORDER, data, at)
     x, y, _, *quaternion = _POSE.unpack_from(data, at)
     return OdometryMessage(stamp, frame, child, planar_pose((x, y), quaternion))
 
 
 @refuses
-def pose_from_ros1(data: Buffer) -> PoseMessage:
-    stamp, frame, at = _header(data, 0)
+def pose_from_ros1(data: Buffer) -> OdometryMessage:
+    """PoseStamped, or PoseWithCovarianceStamped."""
+    stamp, frame, at = ros1_header(data, 0)
     x, y, _, *quaternion = _POSE.unpack_from(data, at)
-    return PoseMessage(stamp, frame, planar_pose((x, y), quaternion))
+    return OdometryMessage(stamp, frame, "", planar_pose((x, y), quaternion))
 
 
 @refuses
@@ -66,7 +74,7 @@ def transforms_from_ros1(data: Buffer) -> list[Transform]:
     (n,) = _COUNT.unpack_from(data, 0)
     transforms, at = [], _COUNT.size
     for _ in range(n):
-        stamp, parent, at = _header(data, at)
+        stamp, parent, at = ros1_header(data, at)
         child, at = string_at(ORDER, data, at)
         numbers = _POSE.unpack_from(data, at)
         transforms.append(Transform(stamp, parent, child, rigid(numbers[:3], numbers[3:])))
@@ -74,7 +82,7 @@ def transforms_from_ros1(data: Buffer) -> list[Transform]:
     return transforms
 
 
-def _header(data: Buffer, at: int) -> tuple[int, str, int]:
+def ros1_header(data: Buffer, at: int) -> tuple[int, str, int]:
     """Stamp, frame and end of a std_msgs/Header."""
     seconds, nanoseconds = _STAMP.unpack_from(data, at)
     frame, at = string_at(ORDER, data, at + _STAMP.size)

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
 
 from mapcli.errors import DataError
 from mapcli.formats.logs.ros.decode import OdometryMessage, Transform
 from mapcli.formats.logs.ros.transforms import (
+    IDENTITY,
     MAX_TILT_DEG,
     FrameTree,
     Rigid,
     is_base,
     is_odom,
     mount_of,
+    rigid,
 )
 from mapcli.model.scan import Mount
 
@@ -48,18 +50,24 @@ class Robot:
             return None, None
         return motion, remark
 
-    def mount(self, laser_frame: str) -> tuple[Mount, str | None]:
+    def mount(self, laser_frame: str, origin: Sequence[float] = ()) -> tuple[Mount, str | None]:
         """The mount of a laser, and a note for the user, or None.
+
+        Args:
+            origin: of its scans in its frame, as of `LaserScan`.
 
         Raises:
             DataError: the laser does not look along the floor.
         """
         motion, remark = self.placed(laser_frame)
-        if motion is None:
+        if motion is None and not origin:
             missing = f"no transform from {self.frame!r} to {laser_frame!r}"
             if self.frame == laser_frame:
                 missing = f"no transform to {laser_frame!r}"
             return Mount(), f"{missing}: laser assumed at the robot's centre"
+        motion = motion or IDENTITY
+        if origin:
+            motion = motion.compose(rigid(origin[:3], origin[3:]))
         mount = mount_of(motion)
         if mount is None:
             raise DataError(

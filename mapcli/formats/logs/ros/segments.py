@@ -58,9 +58,8 @@ class TurnAssembler:
         """Whether a scan is the next segment of the turn."""
         first, last = self._turn[0], self._turn[-1]
         step = last.angle_increment
-        if not step or scan.frame != last.frame or not math.isclose(
-            scan.angle_increment, step, rel_tol=1e-3
-        ):  # fmt: skip
+        elsewhere = (scan.frame, scan.origin) != (last.frame, last.origin)
+        if not step or elsewhere or not math.isclose(scan.angle_increment, step, rel_tol=1e-3):
             return False
         beams = sum(len(one.ranges) for one in self._turn) + len(scan.ranges)
         if beams * abs(step) > math.tau + CONTINUES * abs(step):

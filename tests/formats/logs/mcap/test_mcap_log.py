@@ -493,8 +493,15 @@ def test_scans_in_an_encoding_that_is_not_read(tmp_path: Path, encoding: str) ->
 
 def test_foxglove_scans_that_are_not_read_are_named(tmp_path: Path) -> None:
     sent = Sent("/s", "foxglove.LaserScan", None, S, b"\n")
-    path = mcap_file(tmp_path, sent, encoding="protobuf")
-    with pytest.raises(DataError, match=r"/s holds foxglove\.LaserScan in protobuf"):
+    path = mcap_file(tmp_path, sent, encoding="flatbuffer")
+    with pytest.raises(DataError, match=r"/s holds foxglove\.LaserScan in flatbuffer"):
+        read(path)
+
+
+def test_protobuf_without_its_definition_is_unreadable_content(tmp_path: Path) -> None:
+    sent = Sent("/s", "foxglove.LaserScan", None, S, b"\n")
+    path = mcap_file(tmp_path, sent, encoding="protobuf", schema_encoding="protobuf")
+    with pytest.raises(FormatError, match=r"1 message on /s without readable content"):
         read(path)
 
 
