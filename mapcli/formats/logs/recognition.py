@@ -104,7 +104,7 @@ def _is_sensible(data: bytes, name: str, encoding: str) -> bool:
         return math.isfinite(message.angle_min) and math.isfinite(message.angle_increment)
     if isinstance(message, RangeMessage):
         angle, low, high = message.field_of_view, message.range_min, message.range_max
-        return 0.0 <= angle <= math.tau and 0.0 <= low < high <= FARTHEST_M
+        return 0.0 < angle <= math.tau and 0.0 <= low < high <= FARTHEST_M
     return message is not None
 
 

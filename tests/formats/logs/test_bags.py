@@ -10,48 +10,31 @@ import os
 import random
 import shutil
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import lz4.frame
 import pytest
 import zstandard
 from conftest import FIXTURES
-from rosbags.rosbag1 import Writer as Bag1Writer
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
-from rosbags.rosbag2 import Writer as Bag2Writer
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.rosbag2 import CompressionMode, StoragePlugin
+from support import dresses
+from support.dresses import said_in, same
 
 from mapcli.errors import MapcliError
 from mapcli.formats.documents.load_trajectory import load_trajectory
 from mapcli.formats.logs.bag.records import CHUNK, walk
-from mapcli.formats.logs.mcap.container import McapFile
-from mapcli.formats.logs.open_log import Log, Source, open_log
-from mapcli.model.log import Damage, LogOptions
+from mapcli.formats.logs.open_log import Log, open_log
+from mapcli.model.log import LogOptions
 from mapcli.model.scan import RangeScan, Record
 
 CORRIDOR = FIXTURES / "corridor.mcap"
-HUMBLE = get_typestore(Stores.ROS2_HUMBLE)
-NOETIC = get_typestore(Stores.ROS1_NOETIC)
-TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
-NOETIC.register(get_types_from_msg(TRANSFORMS, "tf2_msgs/msg/TFMessage"))
-
 FIRST_SECONDS = 12.0
 STRANGE = "gazebo_msgs/msg/PerformanceMetrics"
 """A type that rosbags does not know."""
 
 
-def sent() -> Iterator[tuple[str, str, int, bytes]]:
-    """Topic, type, time and CDR of the first messages of the fixture."""
-    file = McapFile(Source("corridor", CORRIDOR), Damage())
-    start = min(first for first, _ in file.spans.values())
-    for time, number, data, _ in file.messages(set(file.streams), Damage()):
-        if time - start < FIRST_SECONDS * 1e9:
-            stream = file.streams[number]
-            yield stream.topic, stream.type, time, bytes(data)
-
-
-SENT = list(sent())
+SENT = said_in(CORRIDOR, FIRST_SECONDS)
 
 
 def read(*paths: Path, **options: object) -> tuple[list[Record], Log]:
@@ -63,18 +46,6 @@ def scans_in(records: list[Record]) -> int:
     return sum(isinstance(record, RangeScan) for record in records)
 
 
-def same(found: list[Record], wanted: list[Record]) -> None:
-    assert len(found) == len(wanted)
-    for one, other in zip(found, wanted, strict=True):
-        assert type(one) is type(other)
-        assert one.stamp_ns == other.stamp_ns
-        if isinstance(one, RangeScan) and isinstance(other, RangeScan):
-            assert one.ranges.tobytes() == other.ranges.tobytes()
-            assert one.mount == other.mount
-        else:
-            assert one == other
-
-
 @pytest.fixture(scope="module")
 def wanted(tmp_path_factory: pytest.TempPathFactory) -> list[Record]:
     """What the same messages are in MCAP."""
@@ -84,34 +55,7 @@ def wanted(tmp_path_factory: pytest.TempPathFactory) -> list[Record]:
 
 
 def write_ros1(path: Path, compression: str | None = None, chunk_bytes: int = 1 << 15) -> Path:
-    writer = Bag1Writer(path)
-    if compression:
-        writer.set_compression(getattr(writer.CompressionFormat, compression.upper()))
-    writer.chunk_threshold = chunk_bytes
-    with writer:
-        connections = {}
-        for topic, type_name, time, data in SENT:
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, type_name, typestore=NOETIC)
-            message = HUMBLE.deserialize_cdr(data, type_name)
-            writer.write(connections[topic], time, NOETIC.serialize_ros1(_ros1(message), type_name))
-    return path
-
-
-def _ros1(message: object) -> object:
-    """A message of ROS 2 with the counter that headers of ROS 1 have."""
-    raw = {name: getattr(message, name) for name in message.__dataclass_fields__}  # type: ignore[attr-defined]
-    name = message.__msgtype__  # type: ignore[attr-defined]
-    made = {key: _ros1_value(value) for key, value in raw.items() if not key.startswith("__")}
-    if name == "std_msgs/msg/Header":
-        made = {"seq": 0, **made}
-    return NOETIC.types[name](**made)
-
-
-def _ros1_value(value: object) -> object:
-    if isinstance(value, list):
-        return [_ros1_value(one) for one in value]
-    return _ros1(value) if hasattr(value, "__msgtype__") else value
+    return dresses.write_ros1(path, SENT, compression, chunk_bytes)
 
 
 def write_ros2(
@@ -119,16 +63,7 @@ def write_ros2(
     mode: CompressionMode | None = None,
     plugin: StoragePlugin = StoragePlugin.SQLITE3,
 ) -> Path:
-    writer = Bag2Writer(folder, version=8, storage_plugin=plugin)
-    if mode is not None:
-        writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        connections = {}
-        for topic, type_name, time, data in SENT:
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, type_name, typestore=HUMBLE)
-            writer.write(connections[topic], time, data)
-    return folder
+    return dresses.write_ros2(folder, SENT, mode, plugin)
 
 
 # --- ROS 1
@@ -161,9 +96,9 @@ def test_cut_at_60_percent_every_whole_chunk_is_read(tmp_path: Path) -> None:
 def McapFileTimes(path: Path, end: int) -> int:  # noqa: N802
     """Scans in the part of a bag before a byte, by an independent reader of messages."""
     data = path.read_bytes()[:end]
-    scans = [payload for topic, _, _, payload in SENT if topic == "/scan"]
+    scans = [said.message for said in SENT if said.topic == "/scan"]
     # The readings of a scan are bytes that occur nowhere else.
-    return sum(payload[-200:-8] in data for payload in scans)
+    return sum(scan.ranges[-48:].tobytes() in data for scan in scans)
 
 
 def test_what_a_killed_recorder_leaves(tmp_path: Path, wanted: list[Record]) -> None:
@@ -339,7 +274,7 @@ def test_what_comes_before_the_damage_of_a_packing_is_read(tmp_path: Path, packi
 def test_a_split_recording_in_a_folder_without_metadata(
     tmp_path: Path, wanted: list[Record]
 ) -> None:
-    middle = SENT[len(SENT) // 2][2]
+    middle = SENT[len(SENT) // 2].time
     source = database(tmp_path / "bag")
     folder = tmp_path / "parts"
     folder.mkdir()

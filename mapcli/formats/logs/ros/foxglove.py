@@ -55,31 +55,29 @@ def of_json(decode: Callable[[Fields], Result]) -> Callable[[Buffer], Result]:
 
 def scan_of(message: Fields) -> LaserScan:
     ranges = json_ranges(message["ranges"])
-    first, last = float(message["start_angle"]), float(message["end_angle"])
+    first, last = (float(message.get(f"{end}_angle", 0.0)) for end in ("start", "end"))
     step = (last - first) / max(len(ranges) - 1, 1)
     return LaserScan(
-        _stamp(message), bare_frame(message["frame_id"]), first, last, step, 0.0, 0.0, math.inf,
-        ranges, _origin(message),
+        _stamp(message), _frame(message), first, last, step, 0.0, 0.0, math.inf, ranges,
+        _origin(message),
     )  # fmt: skip
 
 
 def cloud_of(message: Fields) -> PointCloud:
     data, stride = json_bytes(message["data"]), int(message["point_stride"])
-    fields = [(one["name"], NUMBER_TYPES[one["type"]], one["offset"]) for one in message["fields"]]
+    fields = [(one["name"], NUMBER_TYPES[one["type"]], one.get("offset", 0))
+              for one in message["fields"]]  # fmt: skip
     count = len(data) // stride if stride > 0 else 0
     points = Layout(fields, 1, count, stride, len(data)).points(data)
-    frame = bare_frame(message["frame_id"])
-    return PointCloud(_stamp(message), frame, points, _origin(message))
+    return PointCloud(_stamp(message), _frame(message), points, _origin(message))
 
 
 def pose_of(message: Fields) -> OdometryMessage:
     """A PoseInFrame, or an Odometry, which also tells whose pose it is."""
     child = message.get("body_frame_id") or message.get("child_frame_id") or ""
-    x, y, _, *quaternion = _numbers(message["pose"])
+    x, y, _, *quaternion = _numbers(message.get("pose") or {})
     pose = planar_pose((x, y), quaternion)
-    return OdometryMessage(
-        _stamp(message), bare_frame(message["frame_id"]), bare_frame(child), pose
-    )
+    return OdometryMessage(_stamp(message), _frame(message), bare_frame(child), pose)
 
 
 def transforms_of(message: Fields) -> list[Transform]:
@@ -88,10 +86,14 @@ def transforms_of(message: Fields) -> list[Transform]:
 
 
 def _transform(message: Fields) -> Transform:
-    pose = {"position": message["translation"], "orientation": message["rotation"]}
+    pose = {"position": message.get("translation"), "orientation": message.get("rotation")}
     numbers = _numbers(pose)
-    parent, child = bare_frame(message["parent_frame_id"]), bare_frame(message["child_frame_id"])
+    parent, child = (bare_frame(message[f"{end}_frame_id"]) for end in ("parent", "child"))
     return Transform(_stamp(message), parent, child, rigid(numbers[:3], numbers[3:]))
+
+
+def _frame(message: Fields) -> str:
+    return bare_frame(message.get("frame_id", ""))
 
 
 def _origin(message: Fields) -> tuple[float, ...]:
@@ -102,7 +104,7 @@ def _origin(message: Fields) -> tuple[float, ...]:
 
 
 def _numbers(pose: Fields) -> tuple[float, ...]:
-    """x, y, z, and a quaternion x, y, z, w. What is left out is 0, as writers leave it; but w, if
+    """x, y, z, and a quaternion x, y, z, w. What is left out is 0, as in protobuf; but w, if
     left out or if all are 0, is what makes a rotation of it: {} is none, {z: 1} half a turn."""
     position, rotation = pose.get("position") or {}, pose.get("orientation") or {}
     place = [float(position.get(name, 0.0)) for name in "xyz"]
