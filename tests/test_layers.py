@@ -39,7 +39,8 @@ cli ->
 ALL_ALGORITHMS = "algorithms", "startup", "notices", "memory", "model"
 """Every room of `algorithms` may import how loops are compiled, and records."""
 
-HEAVY = {"numba", "scipy", "gtsam", "shapely", "rosbags", "mcap", "PIL", "yaml", "numpy"}
+HEAVY = {"numba", "scipy", "gtsam", "shapely", "rosbags", "mcap", "PIL", "yaml", "numpy",
+         "google"}  # fmt: skip
 
 
 def rules() -> dict[str, set[str]]:
@@ -144,6 +145,12 @@ def test_help_loads_nothing_heavy() -> None:
 def test_model_loads_numpy_only() -> None:
     code = "import mapcli.model.grid, mapcli.model.scan, mapcli.model.log"
     assert modules_loaded_by(code) & HEAVY == {"numpy"}
+
+
+def test_protobuf_is_loaded_for_logs_in_protobuf_only() -> None:
+    log = PACKAGE.parent / "fixtures" / "corridor.mcap"
+    code = f"import mapcli\nnext(mapcli.open_log({str(log)!r}).records())"
+    assert not modules_loaded_by(code) & {"google", "mcap_protobuf"}
 
 
 def test_commands_print_at_one_place() -> None:

@@ -438,6 +438,7 @@ def written(dress: str, path: Path) -> Path:
     return rounded(path, said)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dress", "metres"),
     [("foxglove", 0.01), ("cloud", 0.01), ("segments", 0.01), ("rounded", 0.02)],
