@@ -77,6 +77,7 @@ class Log(ABC):
             about their units.
         sensors: range sensors with one beam, by name, and what they read so far.
         disordered: scans and odometry records that came after one of a later stamp.
+        unknown_mounts: topics of scans of which nothing tells where their laser sits.
         delays: topic -> how much later than stamped its messages were recorded.
         part: number of the file of the last record, in the order of recording.
         scans_are: what scans look like in this format, for messages.
@@ -92,7 +93,7 @@ class Log(ABC):
         self.notes: list[str] = []
         self.beams, self.units = BeamCounts(), UnitCounts()
         self.sensors: dict[str, SensorCounts] = {}
-        self.disordered = 0
+        self.disordered, self.unknown_mounts = 0, set[str]()
         self.delays: dict[str, Delay] = {}
         self.part, self._start_ns = 0, 0
         self._continuity = Continuity()

@@ -24,15 +24,21 @@ from mapcli.formats.logs.ros.decode import LaserScan, Transform
 from mapcli.formats.logs.ros.laser_scan import range_scan
 from mapcli.formats.logs.ros.point_cloud import Band, scan_of_cloud
 from mapcli.formats.logs.ros.robot import Robot, TfOdometry, find_robot
+from mapcli.formats.logs.ros.robots import Robots, namespace_of
 from mapcli.formats.logs.ros.segments import TurnAssembler
 from mapcli.formats.logs.stream_topics import topics_of
-from mapcli.formats.logs.topics import SCANS
+from mapcli.formats.logs.topics import SCANS, choose_odom_topic, considered_scan_topics
 from mapcli.formats.logs.units import count_units, in_metres_and_radians
 from mapcli.model.log import Damage, Delay, Entry, LogOptions, MissedScans, Role, Topic
 from mapcli.model.scan import LATEST_STAMP_S, NANOSECONDS, Mount, Odometry, RangeScan
 
+TRANSFORMS: tuple[Role, Role] = "tf_static", "tf"
+
 Decoded = tuple[int, Topic, Any, int]
 """Log time, topic, message or missed scans, number of the file."""
+
+Place = tuple[Topic, str, tuple[float, ...]]
+"""Topic of scans, their frame, and where they say that they are in it."""
 
 
 class MessageLog(Log):
@@ -56,6 +62,7 @@ class MessageLog(Log):
         named = {*options.scan_topics, *filter(None, [options.odom_topic])}
         self._topics = topics_of(self._files, named)
         self._robot: Robot | None = None
+        self._robots = Robots([*self._topics], self._frame, self._transforms)
 
     def topics(self) -> list[Topic]:
         return list(self._topics)
@@ -69,36 +76,52 @@ class MessageLog(Log):
                 expected=f"{self.scans_are} in cdr, json or ros1; Foxglove's in json or protobuf",
             )
         try:
+            name, wanted = self.sources[0].name, self.options.scan_topics
+            considered = considered_scan_topics(self.topics(), wanted, name)
+            if len(considered) > 1:
+                self._robots.refuse_several(considered, name)
             return super().require_scan_topics()
         except DataError as error:
             error.where = "; ".join(self._structure.lines()) or None
             raise
 
     def find_odom_topic(self) -> Topic | None:
-        topic = super().find_odom_topic()
+        named, topics = self.options.odom_topic, self.topics()
+        if named is None and self.scan_topics:
+            topics = self._robots.own_odometry(self.require_scan_topics()[0])
+        topic = choose_odom_topic(topics, named, self.sources[0].name)
         if topic is not None and topic.role == "tf" and self.scan_topics:
-            return topic if self._known_robot(topic).odom_frame else None
+            robot = self._known_robot(topic)
+            if robot.odom_frame is None:
+                return None
+            moving = [topic] if named else [one for one in topics if one.role == "tf"]
+            return self._robots.carrying(robot.moving_child, moving)
         return topic
 
     def _known_robot(self, odom: Topic | None) -> Robot:
         """The frames, read ahead of the records."""
         if self._robot is None:
-            child = self._first(odom, "child") if odom and odom.role != "tf" else ""
-            frame = self._first(self.require_scan_topics()[0], "frame")
-            static, moving = self._transforms("tf_static"), self._transforms("tf")
+            scan = self.require_scan_topics()[0]
+            child = self._frame(odom) if odom and odom.role != "tf" else ""
+            static, moving = (self._robots.transform_topics(scan, role) for role in TRANSFORMS)
             named = bool(odom and odom.role == "tf" and self.options.odom_topic)
-            self._robot = find_robot(frame, child, static, moving, any_frame=named)
+            if odom and named and odom not in moving:
+                moving.append(odom)
+            self._robot = find_robot(
+                self._frame(scan), child, self._transforms(static), self._transforms(moving),
+                namespace=namespace_of(scan.name), any_frame=named,
+            )  # fmt: skip
         return self._robot
 
-    def _first(self, topic: Topic, attribute: str) -> str:
-        """A frame's name in the first message of the topic."""
+    def _frame(self, topic: Topic) -> str:
+        """The frame in the first message of a topic; of odometry, the child."""
+        attribute = "frame" if topic.role in SCANS else "child"
         for _, _, message, _ in self._messages([topic], Damage()):
             if not isinstance(message, MissedScans):
                 return str(getattr(message, attribute))
         return ""
 
-    def _transforms(self, role: Role) -> Iterator[Transform]:
-        topics = [topic for topic in self._topics if topic.role == role]
+    def _transforms(self, topics: Sequence[Topic]) -> Iterator[Transform]:
         for _, _, message, _ in self._messages(topics, Damage()):
             yield from message
 
@@ -154,9 +177,11 @@ class MessageLog(Log):
         odom = self.find_odom_topic()
         wanted = [*self.require_scan_topics(), *filter(None, [odom])]
         self.delays = {topic.name: Delay() for topic in wanted}
+        for other in self._robots.others_odometry(wanted[0]) if not self.options.odom_topic else ():
+            self.note(f"{other.name} is not used: it seems to be another robot's odometry")
         robot = self._known_robot(odom)
         transforms = TfOdometry(robot) if odom and odom.role == "tf" else None
-        mounts: dict[tuple[str, tuple[float, ...]], Mount] = {}
+        mounts: dict[Place, Mount] = {}
         turns: dict[Topic, TurnAssembler] = {}
         sensors = RangeTopics(self, robot)
         for log_time, topic, message, part in self._messages(wanted, self.damage):
@@ -183,21 +208,23 @@ class MessageLog(Log):
                 if reading is not None:
                     yield reading
                 continue
-            if (place := (message.frame, message.origin)) not in mounts:
-                if any(place[0] == frame for frame, _ in mounts):
+            place = topic, message.frame, message.origin
+            if place not in mounts:
+                if any(place[:2] == other[:2] for other in mounts):
                     raise DataError(
-                        f"the scans' own pose in {place[0]!r} moves", file=self.sources[0].name,
-                        where=topic.name, expected="the pose of the laser on the robot",
+                        f"the scans' own pose in {message.frame!r} moves",
+                        file=self.sources[0].name, where=topic.name,
+                        expected="the pose of the laser on the robot",
                     )  # fmt: skip
-                mounts[place] = self._mount(robot, place, topic)
+                mounts[place] = self._mount(robot, place)
             if topic.role == "cloud":
                 message = scan_of_cloud(message, Band(*self.options.cloud_height))
             message = replace(message, stamp_ns=stamp)
             for scan in turns.setdefault(topic, TurnAssembler()).add(message):
-                yield self._scan(scan, mounts[scan.frame, scan.origin], topic)
+                yield self._scan(scan, mounts[topic, scan.frame, scan.origin], topic)
         for topic, assembler in turns.items():
             for scan in assembler.rest():
-                yield self._scan(scan, mounts[scan.frame, scan.origin], topic)
+                yield self._scan(scan, mounts[topic, scan.frame, scan.origin], topic)
             if assembler.segments > 1:
                 self.note(f"{topic.name}: {assembler.segments} messages make one turn")
 
@@ -214,20 +241,35 @@ class MessageLog(Log):
         where = f"at {stamp_ns / NANOSECONDS:g} s"
         return self._missed_scan(what, self.sources[0].name, where)
 
-    def _mount(self, robot: Robot, place: tuple[str, tuple[float, ...]], topic: Topic) -> Mount:
+    def _mount(self, robot: Robot, place: Place) -> Mount:
+        topic, frame, origin = place
         if self.laser_pose is not None:
             return self.laser_pose
         try:
-            mount, remark = robot.mount(*place)
+            name = robot.tree.named(frame, namespace_of(topic.name))
+            mount, remark = robot.mount(name, origin)
         except DataError as error:
             raise DataError(
                 error.problem, file=self.sources[0].name, where=topic.name, expected=error.expected
             ) from error
         if remark is not None:
             self.note(f"laser {topic.name}: {remark}")
+        if mount is None:
+            self._refuse_unknown_among_others(frame, topic)
+            self.unknown_mounts.add(topic.name)
+            return Mount()
         if mount != Mount():
             self.note(describe_mount(topic.name, mount))
         return mount
+
+    def _refuse_unknown_among_others(self, frame: str, topic: Topic) -> None:
+        """Several lasers cannot all be at the robot's centre."""
+        if any(self._frame(one) != frame for one in self.require_scan_topics()):
+            raise DataError(
+                f"nothing tells where the laser {frame!r} sits", file=self.sources[0].name,
+                where=topic.name, expected="transforms to each of several lasers, or one "
+                "--scan-topic",
+            )  # fmt: skip
 
     def _scan(self, message: LaserScan, mount: Mount, topic: Topic) -> RangeScan | MissedScans:
         stamp = message.stamp_ns

@@ -8,6 +8,7 @@ from mapcli.formats.logs.mounts import rounded_mount
 from mapcli.formats.logs.range_sensors import RangeSensor
 from mapcli.formats.logs.ros.decode import RangeMessage
 from mapcli.formats.logs.ros.robot import Robot
+from mapcli.formats.logs.ros.robots import namespace_of
 from mapcli.formats.logs.ros.transforms import mount_of_axis
 from mapcli.formats.logs.units import METRES
 from mapcli.model.log import Topic
@@ -58,6 +59,7 @@ class RangeTopics:
             return self._told[topic.name]
         if self._log.laser_pose is not None:
             return self._log.laser_pose
+        frame = self._robot.tree.named(frame, namespace_of(topic.name))
         motion, remark = self._robot.placed(frame)
         if motion is None:
             raise DataError(

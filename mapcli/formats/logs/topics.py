@@ -40,25 +40,35 @@ def choose_scan_topics(
     Raises:
         DataError: see `Log.require_scan_topics`.
     """
-    candidates = _candidates(topics, "scan") or _candidates(topics, "cloud")
-    if not candidates and (sensors := _candidates(topics, "range")):
-        candidates, wanted = sensors, wanted or (ALL_TOPICS,)
-    if wanted and ALL_TOPICS not in wanted:
-        return [_named(topics, one, name) for one in dict.fromkeys(wanted)]
-    if len(candidates) == 1 or (candidates and wanted):
+    candidates = considered_scan_topics(topics, wanted, name)
+    if len(candidates) == 1 or (candidates and (wanted or candidates[0].role == "range")):
         return candidates
     if candidates:
         raise DataError(
-            f"several scan topics{_listed(candidates, ': ')}",
+            f"several scan topics{listed(candidates, ': ')}",
             file=name,
             expected="one of them named with --scan-topic, several lasers of a robot with one "
             f"--scan-topic each, or --scan-topic {ALL_TOPICS}",
         )
     raise DataError(
-        f"no range scans{_listed(topics, ' among ')}",
+        f"no range scans{listed(topics, ' among ')}",
         file=name,
         expected=expected,
     )
+
+
+def considered_scan_topics(
+    topics: Sequence[Topic], wanted: Sequence[str], name: str
+) -> list[Topic]:
+    """The topics of scans that `choose_scan_topics` chooses from, or all of which are named.
+
+    Raises:
+        DataError: one that is named is none.
+    """
+    if wanted and ALL_TOPICS not in wanted:
+        return [_named(topics, one, name) for one in dict.fromkeys(wanted)]
+    roles: tuple[Role, ...] = "scan", "cloud", "range"
+    return next(filter(None, (_candidates(topics, role) for role in roles)), [])
 
 
 def check_sensors(named: Sequence[str], topics: Sequence[Topic], name: str) -> None:
@@ -76,8 +86,7 @@ def _named(topics: Sequence[Topic], wanted: str, name: str) -> Topic:
     found = [topic for role in SCANS for topic in _candidates(topics, role, wanted)]
     if len(found) != 1:
         known = [topic for role in SCANS for topic in _candidates(topics, role)]
-        listed = _listed(known, " among ")
-        raise DataError(f"no scan topic {wanted}{listed}", file=name)
+        raise DataError(f"no scan topic {wanted}{listed(known, ' among ')}", file=name)
     return found[0]
 
 
@@ -94,14 +103,14 @@ def choose_odom_topic(topics: Sequence[Topic], wanted: str | None, name: str) ->
         odometry += _candidates(topics, "pose", wanted)
     if len(odometry) > 1:
         raise DataError(
-            f"several odometry topics{_listed(odometry, ': ')}",
+            f"several odometry topics{listed(odometry, ': ')}",
             file=name,
             expected="one of them named with --odom-topic",
         )
     if wanted is not None and not odometry + transforms:
         roles: tuple[Role, ...] = "odometry", "tf", "pose"
         known = [topic for role in roles for topic in _candidates(topics, role)]
-        raise DataError(f"no odometry topic {wanted}{_listed(known, ' among ')}", file=name)
+        raise DataError(f"no odometry topic {wanted}{listed(known, ' among ')}", file=name)
     return next(iter(odometry + transforms), None)
 
 
@@ -113,7 +122,7 @@ def _candidates(topics: Sequence[Topic], role: Role, wanted: str | None = None) 
     ]
 
 
-def _listed(topics: Sequence[Topic], lead: str) -> str:
+def listed(topics: Sequence[Topic], lead: str) -> str:
     """The topics with their types and counts, or nothing."""
     usual = ("cdr", "carmen")
     texts = [

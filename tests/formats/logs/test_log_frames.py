@@ -113,7 +113,8 @@ def test_no_static_transforms(tmp_path: Path) -> None:
     records, log = read(tmp_path, odom(1), scan(2))
     assert mount_of(records) == Mount()
     assert log.notes == [
-        "laser /scan: no transform from 'base_link' to 'laser': laser assumed at the robot's centre"
+        "laser /scan: no transform from 'base_link' to 'laser': mount unknown, assumed at the "
+        "robot's centre"
     ]
 
 

@@ -16,6 +16,7 @@ from mapcli.formats.logs.ros.transforms import (
     is_base,
     is_odom,
     mount_of,
+    prefix_of,
     rigid,
 )
 from mapcli.model.scan import Mount
@@ -38,6 +39,12 @@ class Robot:
     frame: str
     odom_frame: str | None = None
 
+    @property
+    def moving_child(self) -> str:
+        """The frame whose parent is the `odom_frame`, on the way down to the robot."""
+        line = self.tree.ancestry(self.frame)
+        return line[line.index(self.odom_frame or "") - 1]
+
     def placed(self, frame: str) -> tuple[Rigid | None, str | None]:
         """Where a sensor's frame is on the robot, None if no transform tells, and a note for the
         user, or None."""
@@ -50,8 +57,10 @@ class Robot:
             return None, None
         return motion, remark
 
-    def mount(self, laser_frame: str, origin: Sequence[float] = ()) -> tuple[Mount, str | None]:
-        """The mount of a laser, and a note for the user, or None.
+    def mount(
+        self, laser_frame: str, origin: Sequence[float] = ()
+    ) -> tuple[Mount | None, str | None]:
+        """The mount of a laser, None if no transform tells, and a note for the user, or None.
 
         Args:
             origin: of its scans in its frame, as of `LaserScan`.
@@ -64,7 +73,7 @@ class Robot:
             missing = f"no transform from {self.frame!r} to {laser_frame!r}"
             if self.frame == laser_frame:
                 missing = f"no transform to {laser_frame!r}"
-            return Mount(), f"{missing}: laser assumed at the robot's centre"
+            return None, f"{missing}: mount unknown, assumed at the robot's centre"
         motion = motion or IDENTITY
         if origin:
             motion = motion.compose(rigid(origin[:3], origin[3:]))
@@ -83,6 +92,7 @@ def find_robot(
     static: Iterable[Transform],
     moving: Iterable[Transform],
     *,
+    namespace: str = "",
     any_frame: bool = False,
 ) -> Robot:
     """Find the base frame of the robot and, where /tf has it, the odometry frame.
@@ -90,33 +100,42 @@ def find_robot(
     Args:
         laser_frame: of the scans.
         odom_child: the child frame of odometry messages; empty where there are none.
-        static, moving: the transforms of /tf_static and /tf. The latter is read as far as needed.
+        static, moving: the transforms of /tf_static and /tf that may be of this robot. The latter
+            is read as far as needed.
+        namespace: of the scans' topic.
         any_frame: odometry may be measured in a frame of any name: the first one up from the laser
             in which something moves.
     """
     tree = FrameTree()
     for transform in static:
         tree.add(transform.parent, transform.child, transform.motion)
-    if odom_child and tree.lookup(odom_child, laser_frame) is not None:
-        return Robot(tree, odom_child)
+    body, laser = tree.named(odom_child, namespace), tree.named(laser_frame, namespace)
+    if odom_child and tree.lookup(body, laser) is not None:
+        return Robot(tree, body)
     still = set(tree.children())
     for transform in islice(moving, MOVING_TRANSFORMS):
         if transform.child not in tree.children():
             tree.add(transform.parent, transform.child, transform.motion)
+    body, laser = tree.named(odom_child, namespace), tree.named(laser_frame, namespace)
     if odom_child:
-        return Robot(tree, odom_child)
-    robot = _robot_below_odom(tree, laser_frame, still)
+        return Robot(tree, body)
+    names = {prefix_of(laser_frame), namespace} - {""} or {""}
+    robot = _robot_below_odom(tree, laser, still, names)
     if robot.odom_frame is not None or not any_frame:
         return robot
-    line = tree.ancestry(laser_frame)
+    line = tree.ancestry(laser)
     moving_frame = _first(lambda frame: frame not in still, line[:-1])
     if moving_frame is None:
         return robot
     return replace(robot, frame=moving_frame, odom_frame=tree.parent(moving_frame))
 
 
-def _robot_below_odom(tree: FrameTree, laser_frame: str, still: set[str]) -> Robot:
-    """The robot in a tree that may hold `odom`: the base, or the last frame that moves."""
+def _robot_below_odom(tree: FrameTree, laser_frame: str, still: set[str], names: set[str]) -> Robot:
+    """The robot in a tree that may hold `odom`: the base, or the last frame that moves.
+
+    Args:
+        names: that the robot may have; those of others are before the frames of others.
+    """
     line = tree.ancestry(laser_frame)
     odom = _first(is_odom, line[1:])
     if odom is not None:
@@ -125,8 +144,12 @@ def _robot_below_odom(tree: FrameTree, laser_frame: str, still: set[str]) -> Rob
         return Robot(tree, _first(is_base, body) or moving or body[-1], odom)
     # No transform connects the laser to odometry: look for the robot without it.
     bodies = [child for child in tree.children() if is_odom(tree.parent(child))]
-    if bodies:
-        body_frame = _first(is_base, bodies) or bodies[0]
+    own = [body for body in bodies if prefix_of(body) in names]
+    if not own and len({prefix_of(body) for body in bodies}) == 1:
+        is_named_otherwise = prefix_of(bodies[0]) and prefix_of(laser_frame)
+        own = [] if is_named_otherwise else bodies
+    if own:
+        body_frame = _first(is_base, own) or own[0]
         return Robot(tree, body_frame, tree.parent(body_frame))
     return Robot(tree, _first(is_base, line) or line[-1])
 

@@ -120,6 +120,15 @@ class FrameTree:
     def add(self, parent: str, child: str, parent_from_child: Rigid) -> None:
         self._parents[child] = parent, parent_from_child
 
+    def named(self, frame: str, namespace: str) -> str:
+        """The frame that is meant by a name in a message on a topic of a namespace: the tf_prefix
+        of ROS 1, which is left out in messages, is put before it if that makes it known."""
+        while namespace:
+            if f"{namespace}/{frame}" in self:
+                return f"{namespace}/{frame}"
+            namespace = namespace.rpartition("/")[0]
+        return frame
+
     def parent(self, child: str) -> str:
         """The parent of one of the `children`."""
         return self._parents[child][0]
@@ -161,3 +170,8 @@ def is_odom(frame: str) -> bool:
 def is_base(frame: str) -> bool:
     """Whether a frame is named like the robot's body."""
     return frame.rpartition("/")[2] in BASE_FRAMES
+
+
+def prefix_of(frame: str) -> str:
+    """Of `robot1/base_link`: `robot1`; empty without one."""
+    return frame.rpartition("/")[0]
