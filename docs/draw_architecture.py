@@ -38,7 +38,8 @@ SHARED_BY_ALL = (
 
 COLUMNS = {
     "commands": 2.0, "verbs": 2.0,
-    "algorithms.exploration": 0.0, "algorithms.evaluation": 1.0, "algorithms.slam": 1.0,
+    "algorithms.exploration": 0.0, "algorithms.evaluation": 1.0, "algorithms.sessions": 1.0,
+    "algorithms.slam": 1.0,
     "algorithms.similarity": 1.0, "algorithms.scans": 1.0,
     "algorithms.simulation": 2.0, "algorithms.maps": 2.0,
     "pictures": 3.5, "formats.documents": 3.5, "formats.maps": 3.0, "formats.logs": 4.0,

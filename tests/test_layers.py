@@ -22,7 +22,8 @@ algorithms -> startup notices memory
 algorithms.scans -> model
 algorithms.similarity -> algorithms.scans
 algorithms.slam -> algorithms.similarity
-algorithms.evaluation -> algorithms.slam
+algorithms.sessions -> algorithms.slam
+algorithms.evaluation -> algorithms.sessions
 algorithms.maps -> model
 algorithms.simulation -> algorithms.scans algorithms.maps
 algorithms.exploration -> algorithms.maps

@@ -138,12 +138,24 @@ def _picture(data: bytes, file: str) -> Facts:
         raise FormatError("the picture is damaged", file=file, expected="a whole file") from error
 
 
+def _state(data: bytes, file: str) -> Facts:
+    """The drives of a state, by name."""
+    from mapcli.formats.documents.drive_state import read_state
+
+    facts: Facts = {}
+    for drive in read_state(file, lambda path: data):
+        one = drive.summary
+        facts[drive.name] = f"{one.used} scans, {one.distance_m:.1f} m, verdict {one.verdict}"
+    return facts
+
+
 FACTS: dict[Role, Callable[[bytes, str], Facts]] = {
     Role.DOCUMENT: _document,
     Role.PERCEPTION: _perception,
     Role.WAYPOINTS: _waypoints,
     Role.RELATIONS: _relations,
     Role.PICTURE: _picture,
+    Role.STATE: _state,
 }
 """Role -> how the facts about a file are found."""
 

@@ -40,7 +40,7 @@ def check_outputs(
         if place in taken:
             where = "standard output" if name == "-" else name
             raise click.UsageError(f"Two results cannot both be written to {where}.")
-        if any(_is_same(name, source) for source in sources if name != "-"):
+        if any(is_same_file(name, source) for source in sources if name != "-"):
             raise OutputError(f"is one of the {kind} to be read", file=name)
         taken.add(place)
         check_output(name, no_clobber=no_clobber)
@@ -75,7 +75,7 @@ IMAGE = re.compile(rb"^[ \t]*image[ \t]*:\s*[\"']?([^\"'#\n\r]+)", re.MULTILINE)
 """The line of a map's YAML that names its image; the reader of maps reads it properly later."""
 
 
-def _is_same(name: str, other: Path) -> bool:
+def is_same_file(name: str, other: Path) -> bool:
     """Whether two names are of one regular file, however they are spelt."""
     path = Path(name)
     try:

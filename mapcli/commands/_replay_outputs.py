@@ -126,7 +126,7 @@ def _contents(outputs: ReplayOutputs, replayed: Replayed) -> dict[str, bytes | P
     contents: dict[str, bytes | Pieces] = {}
     if outputs.map:
         files = map_files(replayed.map, outputs.map, usual_options(outputs.map))
-        contents |= {_beside(outputs.map, name): pieces for name, pieces in files.items()}
+        contents |= {beside(outputs.map, name): pieces for name, pieces in files.items()}
     if outputs.trace:
         contents[outputs.trace] = dump_trajectory(replayed.trace, outputs.trace)
     if outputs.mcap:
@@ -136,7 +136,7 @@ def _contents(outputs: ReplayOutputs, replayed: Replayed) -> dict[str, bytes | P
     return contents
 
 
-def _beside(target: str, name: str) -> str:
+def beside(target: str, name: str) -> str:
     return name if name == "-" else str(Path(target).with_name(name))
 
 

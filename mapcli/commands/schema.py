@@ -17,9 +17,10 @@ def command(name: str, **common: Any) -> None:
     """Print the JSON Schema of a format.
 
     NAME is what a document calls its format, without `mapcli.`: pose-trace, exploration-trace,
-    similarity-table, evaluation, log-info, map-info, trace-info, file-info, map-comparison,
-    map-transform, rasterize, mowing; or a file that people write: perception, world. `unit` and
-    `since` tell the unit of a number and the version of mapcli that first wrote a field.
+    similarity-table, evaluation, log-info, map-info, trace-info, file-info, sessions,
+    map-comparison, map-transform, rasterize, mowing; or a file that people write: perception,
+    world. `unit` and `since` tell the unit of a number and the version of mapcli that first wrote
+    a field.
 
     \b
     Examples:

@@ -45,6 +45,15 @@ from mapcli.commands._replay_perceptions import (
     perception_files,
 )
 from mapcli.commands._say import say
+from mapcli.commands._session_outputs import SessionOutputs
+from mapcli.commands._sessions import (
+    DriveInput,
+    SessionOptions,
+    drive_name,
+    refuse_with_drives,
+    replay_sessions,
+    state_of,
+)
 from mapcli.errors import DataError
 from mapcli.formats.input import DigestingReader
 from mapcli.formats.maps.load import LoadedMap
@@ -123,6 +132,16 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
               "[default: 0,0,0; in a known map it is searched for]")  # fmt: skip
 @click.option("--localize", is_flag=True, help="Find the poses in the known map, and leave it as "
               "it is.")  # fmt: skip
+@click.option("--sessions", is_flag=True, help="Each LOG is a drive of its own through the same "
+              "building: one map, and a trace of each in its frame.")  # fmt: skip
+@click.option("--newest-last", is_flag=True, help="Of several drives, the last LOG is the newest, "
+              "whatever the stamps say; where drives disagree the newest is right.")  # fmt: skip
+@click.option("--static", is_flag=True, help="Keep of a map of several drives only what all that "
+              "saw it agree on.")  # fmt: skip
+@click.option("--save-state", "state", metavar="F", type=FILE, help="Write what is needed to add "
+              "drives to this map later, as MCAP.")  # fmt: skip
+@click.option("--continue", "continued", metavar="F", type=FILE, help="Add drives to the map of a "
+              "state; --save-state may name the same file.")  # fmt: skip
 @limit_option(LIMIT_FIELDS, "verdict!=good")
 @click.option("--save-perception", "saved", metavar="N", type=click.IntRange(0), multiple=True,
               help="Write scan N (from 0) with its estimated pose into the folder, as "
@@ -139,6 +158,7 @@ def command(
     logs: tuple[str, ...], folder: str | None, png: str | None, map_: str | None,
     json: str | None, trace: str | None, mcap: str | None, log_input: LogInput,
     loop_closing: bool, known: str | None, initial_pose: Pose2D | None, localize: bool,
+    sessions: bool, newest_last: bool, static: bool, state: str | None, continued: str | None,
     limits: tuple[Limit, ...], saved: tuple[int, ...], explain: str | None, explain_most: int,
     no_clobber: bool, quiet: bool, verbose: bool, **model: Any,
 ) -> None:  # fmt: skip
@@ -150,6 +170,9 @@ def command(
     sit (docs/formats.md). Several LOGs are one recording in parts, in any order; recordings that
     are not one are refused. Every scan gets a pose or a reason.
 
+    With --sessions each LOG is a drive: drives are found in each other and make one map, whatever
+    the order and wherever each began. Those that share nothing are kept apart.
+
     \b
     Examples:
       mapcli slam-replay fixtures/apartment.mcap
@@ -158,12 +181,33 @@ def command(
       mapcli slam-replay sonars.mcap --sensor /range/left=0,0.1,90
       mapcli slam-replay fixtures/five-sensors.csv --search none
       mapcli slam-replay fixtures/corridor.mcap --search book --explain turns
+      mapcli slam-replay --sessions monday.mcap tuesday.mcap -o building --save-state building.state
+      mapcli slam-replay wednesday.mcap --continue building.state -o building
     """
     outputs = ReplayOutputs(png, map_, json, trace, mcap)
     if folder or not outputs.names():
         usual = asdict(ReplayOutputs.in_folder(folder or default_folder(logs[0])))
         named = {key: value for key, value in asdict(outputs).items() if value}
         outputs = ReplayOutputs(**{**usual, **named})
+    if sessions or continued:
+        alone = {
+            "--known": known, "--initial-pose": initial_pose, "--trace": trace, "--mcap": mcap,
+            "--save-perception": saved, "--explain": explain, "--no-loop-closing": not loop_closing,
+            f"--search {model['search']}": model["search"] != "window",
+        }  # fmt: skip
+        refuse_with_drives(alone)
+        replay_sessions(
+            [[log] for log in logs] if sessions else [logs],
+            SessionOptions(newest_last, static, continued),
+            SessionOutputs.of(folder or default_folder(logs[0]), png, map_, json, state),
+            DriveInput(
+                log_input, slam_parameters(loops=True, frozen=False, **model), limits, no_clobber,
+                quiet, verbose,
+            ),
+        )  # fmt: skip
+        return
+    if newest_last or static:
+        raise click.UsageError("--newest-last and --static need --sessions or --continue.")
     if localize and not known:
         raise click.UsageError("--localize needs --known, the map to find the poses in.")
     if explain and model["search"] != "book":
@@ -174,9 +218,15 @@ def command(
     read = DigestingReader()
     base = load_map(known, read=read) if known else None
     inputs = [*log_input.inputs(logs), *(map(str, base.files) if base else ())]
-    others = [*files.values(), *([explainer.index] if explainer else [])]
+    others = [
+        *files.values(),
+        *([explainer.index] if explainer else []),
+        *([state] if state else []),
+    ]
     check_replay_outputs(outputs, inputs, others, no_clobber=no_clobber)
     parameters = slam_parameters(loops=loop_closing and not known, frozen=localize, **model)
+    if state and parameters.loops is None:
+        raise click.UsageError("--save-state needs loop closing.")
     slam = Slam(parameters, initial_pose, known_map(base, parameters) if base else None)
     log = log_input.open(logs)
     check_perceptions(files, log)
@@ -189,8 +239,10 @@ def command(
     perceptions = perception_contents(
         files, run.kept, replayed.trace, parameters.perception, log.name
     )
-    explained = explainer.contents(log.name) if explainer else {}
-    write_outputs(outputs, replayed, head, perceptions | explained, no_clobber=no_clobber)
+    more = explainer.contents(log.name) if explainer else {}
+    if state:
+        more = {state: state_of(run, drive_name(logs[0]), head, summary)}
+    write_outputs(outputs, replayed, head, perceptions | more, no_clobber=no_clobber)
     if not (quiet or summary.matched):
         _explain_no_match(parameters.match, run.most_hits)
     for option in BOOK_OPTIONS if parameters.match.search != "book" and not quiet else ():

@@ -18,7 +18,17 @@ from mapcli.formats.input import first_bytes
 from mapcli.formats.packed import packing_of, unpacked_start
 from mapcli.formats.text_kind import kind_of_text
 
-__all__ = ["DRAWN", "PICTURE_MARK", "FileKind", "Role", "expecting", "kind_at", "kind_of"]
+__all__ = [
+    "DRAWN",
+    "PICTURE_MARK",
+    "STATE_PROFILE",
+    "FileKind",
+    "Role",
+    "expecting",
+    "is_state",
+    "kind_at",
+    "kind_of",
+]
 
 
 SQLITE = b"SQLite format 3"
@@ -49,6 +59,11 @@ PICTURE_MARK = "mapcli, a picture"
 """In the PNG files of pictures that mapcli draws: as maps they would be misread."""
 
 DRAWN = FileKind("a picture that mapcli drew", Role.PICTURE, "name the map that it was drawn of")
+
+STATE_PROFILE = "mapcli.drive-state"
+"""What an MCAP file that `slam-replay --save-state` wrote calls itself."""
+
+STATE = FileKind("the state of a map of several drives", Role.STATE)
 
 TAR_AT = 257
 """Where a tar archive says `ustar`."""
@@ -104,6 +119,11 @@ def kind_at(file: str | Path) -> FileKind | None:
     return None
 
 
+def is_state(start: bytes) -> bool:
+    """Whether an MCAP file with these first bytes is the state of a map."""
+    return start.startswith(b"\x89MCAP0") and STATE_PROFILE.encode() in start[:100]
+
+
 def kind_of(start: bytes, name: str = "") -> FileKind | None:
     """What a file is, by its first bytes; its name decides where the content can be several things.
 
@@ -114,6 +134,8 @@ def kind_of(start: bytes, name: str = "") -> FileKind | None:
         return _packed(packing.name, kind_of(unpacked_start(start), Path(name).stem))
     if start.startswith(b"\x89PNG") and PICTURE_MARK.encode() in start:
         return DRAWN
+    if is_state(start):
+        return STATE
     if start.startswith(SQLITE) and b"CREATE TABLE" in start.upper() and b"topics" not in start:
         return FileKind("an SQLite database, and no ROS 2 bag", Role.OTHER)
     for magic, kind in MAGIC:

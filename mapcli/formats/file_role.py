@@ -12,6 +12,7 @@ class Role(Enum):
     LOG = "make a map of it with mapcli slam-replay"
     MAP = "draw it with mapcli render, or go on with it with mapcli slam-replay LOG --known"
     WORLD = "make a grid map of it with mapcli rasterize"
+    STATE = "go on from it with mapcli slam-replay LOG --continue"
     TRACE = "draw it with mapcli render MAP --trace, compare it with mapcli evaluate"
     RELATIONS = "hold a trace against it with mapcli evaluate"
     PERCEPTION = "compare it with a map with mapcli similarity-table"

@@ -39,6 +39,11 @@ a while, which the map was made without."""
 DESCRIPTIONS = frozenset[ReasonKind](("laser_mirrored", "laser_turned", "range_unit", "angle_unit"))
 """Those that are faults of how the log is described, and are mended by an option."""
 
+MAP_REASONS = frozenset[ReasonKind](
+    ("walls_twice", "torn", "unjoined", "odometry_alone", "sliding", "unconfirmed")
+)
+"""Those that speak of a map, and are told anew when other scans are added to it."""
+
 WRONG_THROUGHOUT: tuple[ReasonKind, ...] = "laser_mirrored", "laser_turned", "odometry_wrong"
 """Those by which wheels seem to fail all the time."""
 

@@ -35,6 +35,7 @@ class ReplaySummary:
         interrupted: the replay was stopped early; the result is of the part before.
         verdict: may the map be trusted; reasons: why not, and when.
         loop_check: what loops were worth; None if none was found.
+        unjoined: pieces of the drive, or drives, of which nobody knows how they lie to the first.
         sweep: of scans whose beams were taken one after another; None if all were taken at once.
         seconds: what the replay took; left out of files, which must not depend on the machine.
     """
@@ -58,6 +59,7 @@ class ReplaySummary:
     reasons: tuple[Reason, ...] = ()
     sweep: SweepSummary | None = None
     loop_check: LoopCheck | None = None
+    unjoined: int = 0
     seconds: float = field(default=0.0)
 
     @property
@@ -83,6 +85,7 @@ class ReplaySummary:
             "duration_s": round(self.duration_s, 3),
             "loops": self.loops,
             **({} if self.loop_check is None else {"loop_check": self.loop_check.document()}),
+            "unjoined": self.unjoined,
             "mean_score": None if self.mean_score is None else round(self.mean_score, 4),
             "odometry_jumps": self.odometry_jumps,
             "odometry_faults": self.odometry_faults,

@@ -43,7 +43,7 @@ class Marker(NamedTuple):
 def plan_image(
     grid: GridMap,
     *,
-    path: RobotPath | None = None,
+    path: RobotPath | Sequence[RobotPath] | None = None,
     markers: Sequence[Marker] = (),
     frontier: NDArray[np.bool_] | None = None,
     title: str = "",
@@ -54,16 +54,18 @@ def plan_image(
 
     Args:
         grid: the map.
-        path: of the robot, coloured by time.
+        path: of the robot, coloured by time; or of several, each in its colour.
         markers: points with labels.
         frontier: cells to mark in red, shape (rows, columns).
         title, caption: one line above, one line below.
         scale: pixels per cell; by default the longer side is about 1600 pixels.
     """
-    window = window_of(grid, None if path is None else path.points, scale=scale)
+    paths = [path] if isinstance(path, RobotPath) else path or ()
+    driven = [one.points for one in paths]
+    window = window_of(grid, np.concatenate(driven) if driven else None, scale=scale)
     layout = PlanLayout.of(window)
     marks = _metre_marks(window)
-    is_doubtful = path is not None and path.doubtful is not None and bool(path.doubtful.any())
+    is_doubtful = any(one.doubtful is not None and one.doubtful.any() for one in paths)
     lines = 4 + LEGEND_LINES * is_doubtful + 2 * bool(caption)
     image, window = _sheet(window, layout, marks, title=bool(title), lines=lines)
     pixels = map_pixels(window)
@@ -72,8 +74,10 @@ def plan_image(
         mark_cells(pixels, window, np.argwhere(frontier), RED)
     image.paste(Image.fromarray(pixels), (window.x, window.y))
     _frame(image, window, layout, marks)
-    if path is not None and len(path.points):
-        image = draw_path(image, window, layout, path)
+    for one in paths:
+        if len(one.points):
+            image = draw_path(image, window, layout, one)
+    if isinstance(path, RobotPath) and len(path.points):
         _time_bar(image, window, layout, path.duration)
         if is_doubtful:
             _doubtful_line(image, window, layout)

@@ -13,6 +13,7 @@ from mapcli.model.trajectory import Trajectory
 from mapcli.pictures.drawing import (
     RED,
     WHITE,
+    Colour,
     arrow_head,
     draw_disc,
     draw_line,
@@ -34,12 +35,14 @@ class RobotPath:
         seconds: when the robot was there, shape (n,); they colour the path. None: by count.
         headings: radians in the world, shape (n,), for the arrows. None: they follow the path.
         doubtful: where the path is not to be trusted, shape (n,), drawn in red. None: nowhere.
+        colour: of all of it, as of one path among others, whose ends have no words. None: by time.
     """
 
     points: NDArray[np.float64]
     seconds: NDArray[np.float64] | None = None
     headings: NDArray[np.float64] | None = None
     doubtful: NDArray[np.bool_] | None = None
+    colour: Colour | None = None
 
     @classmethod
     def of(cls, trajectory: Trajectory) -> RobotPath:
@@ -55,6 +58,18 @@ class RobotPath:
         fractions: NDArray[np.float64] = (seconds - seconds[0]) / (seconds[-1] - seconds[0])
         return fractions.clip(0, 1)
 
+    def colours(self) -> NDArray[np.float64]:
+        """Of each point, shape (n, 3), 0..255."""
+        if self.colour is not None:
+            return np.tile(np.array(self.colour, np.float64), (len(self.points), 1))
+        colours = time_colours(self.fractions)
+        if self.doubtful is not None:
+            colours[self.doubtful] = RED
+        return colours
+
+    def colour_at(self, point: int) -> Colour:
+        return self.colour or time_colour(self.fractions[point])
+
     @property
     def duration(self) -> float | None:
         """Seconds from the first point to the last; None without times."""
@@ -67,22 +82,19 @@ def draw_path(
     image: Image.Image, window: MapWindow, layout: PlanLayout, path: RobotPath
 ) -> Image.Image:
     """The path with arrows, and discs at its start and end, over a white rim."""
-    points, fractions = window.pixels_of_world(path.points), path.fractions
+    points = window.pixels_of_world(path.points)
     pixels = np.array(image)
     radius = 1.9 * layout.unit
     draw_line(pixels, points, np.full((len(points), 3), 255.0), radius + 1.4 * layout.unit)
-    colours = time_colours(fractions)
-    if path.doubtful is not None:
-        colours[path.doubtful] = RED
-    draw_line(pixels, points, colours, radius)
+    draw_line(pixels, points, path.colours(), radius)
     image = Image.fromarray(pixels)
     _arrows(image, window, layout, path)
     # The start is the larger disc, so that it shows under an end in the same place.
     for k, text, side, size in ((0, "start", -1, 10.5), (-1, "end", 1, 7.0)):
         x, y = (float(v) for v in points[k])
-        draw_disc(
-            image, x, y, size * layout.unit, time_colour(fractions[k]), WHITE, 2 * layout.unit
-        )
+        draw_disc(image, x, y, size * layout.unit, path.colour_at(k), WHITE, 2 * layout.unit)
+        if path.colour is not None:
+            continue
         room = 15 * layout.unit + font(layout.letters).getlength(text)
         side = 1 if x - room < window.x else -1 if x + room > window.x + window.width else side
         anchor = "lm" if side > 0 else "rm"
@@ -92,7 +104,7 @@ def draw_path(
 
 def _arrows(image: Image.Image, window: MapWindow, layout: PlanLayout, path: RobotPath) -> None:
     """Arrow heads along the path, at most forty and far enough apart not to crowd it."""
-    points, fractions = window.pixels_of_world(path.points), path.fractions
+    points = window.pixels_of_world(path.points)
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     spacing = max(0.09 * max(window.width, window.height), along[-1] / 40)
     for distance in np.arange(spacing, along[-1] - spacing / 3, spacing):
@@ -104,4 +116,4 @@ def _arrows(image: Image.Image, window: MapWindow, layout: PlanLayout, path: Rob
             direction = math.atan2(dy, dx)
         x, y = (float(v) for v in points[k])
         corners = arrow_head(x, y, direction, 11 * layout.unit)
-        draw_polygon(image, corners, time_colour(fractions[k]), WHITE, 1.2 * layout.unit)
+        draw_polygon(image, corners, path.colour_at(k), WHITE, 1.2 * layout.unit)

@@ -23,6 +23,8 @@ EXAMPLES = {
         "<carmen.log --known <image.yaml --initial-pose 0,0,0 --map >m.yaml --png >p.png "
         "--json >t.json --trace >t.tum --mcap >m.mcap",
         "<robot.csv --sensors <sensors.yaml --map >m.txt",
+        "--sessions <log.mcap <more.mcap -o >folder/ --save-state >s.mcap",
+        "<log.mcap --continue <state.mcap --map >m.yaml --png >p.png --json >t.json",
     ),
     "frontier": (
         "<room.txt --robot 5,6 --known <known.txt --json >t.json --png >p.png --gif >g.gif "

@@ -44,6 +44,10 @@ def make_stand_ins(kit: Path, here: Path) -> None:
         f"perceive {here}/robot.mcap {here}/scan.yaml --at 30",
         f"perceive {kit}/room.txt {here}/trials.yaml --cell 4,6 --beams 8 --noise 0.1 --times 3",
         f"transform {slam}/map.yaml {here}/depot.yaml --resample 0.2",
+        f"import {FIXTURES}/apartment.mcap {here}/monday.mcap --end 30",
+        f"import {FIXTURES}/apartment.mcap {here}/tuesday.mcap --start 40 --end 70",
+        f"import {FIXTURES}/apartment.mcap {here}/wednesday.mcap --start 75",
+        f"slam-replay {here}/monday.mcap --save-state {here}/building.state",
     ):
         assert run(*line.split(), "-q") == 0, line
     for name in ("map.yaml", "map.pgm", "trace.json"):

@@ -174,7 +174,7 @@ def test_standard_output_by_its_name(
     assert contents(ran.files) == contents(others)
 
 
-ONE_FORMAT = b"origin: ", b"? ? ", b"kind: scan", b"stamp_ns,x,y,"
+ONE_FORMAT = b"resolution: ", b"origin: ", b"? ? ", b"kind: scan", b"stamp_ns,x,y,"
 """How text maps, perceptions in YAML and traces in CSV begin: what is written without a suffix."""
 
 
@@ -307,7 +307,7 @@ def test_no_input_is_written_onto(
                 Path(name + Path(slot.name).suffix).unlink()
 
 
-@pytest.mark.parametrize(("command", "output", "read"), IN_PLACE)
+@pytest.mark.parametrize(("command", "output", "read"), sorted(IN_PLACE))
 def test_what_may_be_done_in_place(
     command: str, output: str, read: str, sandbox: Sandbox, usual: Usual
 ) -> None:

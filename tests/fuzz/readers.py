@@ -20,7 +20,9 @@ from mcap.writer import CompressionType
 from PIL import Image
 from support.mcap_making import Sent, mcap_bytes, odom, scan, sonar, tf, tf_static, transform
 
+from mapcli.algorithms.sessions.saving import restored
 from mapcli.errors import MapcliError
+from mapcli.formats.documents.drive_state import read_state
 from mapcli.formats.documents.load_trace import move_trace
 from mapcli.formats.documents.load_trajectory import load_trajectory
 from mapcli.formats.documents.perception_reader import load_perception
@@ -116,6 +118,12 @@ def read_poses(path: Path) -> None:
     """The poses of an MCAP file, those of odometry too."""
     for topic in ("/odom", None):
         load_trajectory(path, topic)
+
+
+def read_drives(path: Path) -> None:
+    """The drives of a state, to the last number."""
+    for drive in read_state(path):
+        assert restored(drive).digest
 
 
 def fixture(name: str, lines: int | None = None) -> bytes:

@@ -13,7 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.loop_check import keep_loops_that_help
@@ -23,7 +23,7 @@ from mapcli.algorithms.slam.map_refinement import map_from_keyframes, refine
 from mapcli.algorithms.slam.motion_model import MotionModel
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.submaps import apply_corrections
-from mapcli.algorithms.slam.sweep_refinement import refine_sweeps
+from mapcli.algorithms.slam.sweep_refinement import Refined, refine_sweeps
 from mapcli.model.loop_check import LoopCheck
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import information_from_covariance
@@ -70,18 +70,28 @@ def finalise(
     check = keep_loops_that_help(closer, trajectory)
     closed = closer.result()
     poses = apply_corrections(trajectory, closed.submaps, closed.origins)
-    crispness: Crispness | None = None
-    if trajectory.sweeps:
-        refined = refine_sweeps(trajectory, poses, map_.resolution, odometry)
-        trajectory, poses, crispness = refined.trajectory, refined.poses, refined.crispness
-    else:
-        poses = refine(trajectory, poses, map_.resolution, odometry)
-    start = trajectory.poses[0].compose(poses[0].inverse())
-    poses = [trajectory.poses[0], *(start.compose(pose) for pose in poses[1:])]
-    grid = map_from_keyframes(trajectory, poses, map_)
+    refined = refine_all(trajectory, poses, map_.resolution, odometry)
+    grid = map_from_keyframes(refined.trajectory, refined.poses, map_)
     loops_closed = loops_between_scans(trajectory, closed)
     unjoined = unjoined_scans(trajectory, closed)
-    return BackEndResult(poses, grid, loops_closed, crispness, unjoined, check)
+    return BackEndResult(refined.poses, grid, loops_closed, refined.crispness, unjoined, check)
+
+
+def refine_all(
+    trajectory: TrackedTrajectory, poses: list[Pose2D], cell: float, odometry: MotionModel
+) -> Refined:
+    """Fit all scans at once; the first stays where it was tracked.
+
+    Args:
+        poses: of every scan, loops closed; cell: metres along a side of a surfel's cell.
+    """
+    if trajectory.sweeps:
+        refined = refine_sweeps(trajectory, poses, cell, odometry)
+    else:
+        refined = Refined(trajectory, refine(trajectory, poses, cell, odometry))
+    first, poses = trajectory.poses[0], refined.poses
+    start = first.compose(poses[0].inverse())
+    return replace(refined, poses=[first, *(start.compose(pose) for pose in poses[1:])])
 
 
 def loops_between_scans(

@@ -152,21 +152,26 @@ class Explained(NamedTuple):
     contradicted: int
 
 
-def compare_scans(scans: Sequence[SampledScan], poses: Sequence[Pose2D]) -> list[Agreement]:
+def compare_scans(
+    scans: Sequence[SampledScan], poses: Sequence[Pose2D], begins: Sequence[int] = (0,)
+) -> list[Agreement]:
     """How each of the scans agrees with the others in the map.
 
     Args:
         scans: of a `ScanSample`; poses: of every scan of the log, in the map.
+        begins: numbers of the scans with which drives begin: another drive is another visit.
     """
     found = [Agreement(one.scan, None, None, False, False) for one in scans if not len(one.ends)]
-    found += [_agreement(*view) for view in _views(scans, poses)]
+    found += [_agreement(*view) for view in _views(scans, poses, begins)]
     return sorted(found, key=lambda one: one.scan)
 
 
-def explain_scans(scans: Sequence[SampledScan], poses: Sequence[Pose2D]) -> list[Explained]:
+def explain_scans(
+    scans: Sequence[SampledScan], poses: Sequence[Pose2D], begins: Sequence[int] = (0,)
+) -> list[Explained]:
     """How well other visits explain each of the scans, as of `compare_scans`."""
     explained = []
-    for scan, ends, apart, _ in _views(scans, poses):
+    for scan, ends, apart, _ in _views(scans, poses, begins):
         confirmed, contradicted = compare_view(apart, ends)
         unseen = len(ends) - confirmed - contradicted
         nats = LOG_CONTRADICTED * contradicted + LOG_UNSEEN * unseen
@@ -175,11 +180,11 @@ def explain_scans(scans: Sequence[SampledScan], poses: Sequence[Pose2D]) -> list
 
 
 def _views(
-    scans: Sequence[SampledScan], poses: Sequence[Pose2D]
+    scans: Sequence[SampledScan], poses: Sequence[Pose2D], begins: Sequence[int]
 ) -> Iterator[tuple[int, NDArray[np.float32], ViewCounts, ViewCounts]]:
     """Each scan that saw something: its number, its ends, and what scans of other visits and
     scans nearby saw, until the next one."""
-    placed = _Placed.of([scan for scan in scans if len(scan.ends)], poses)
+    placed = _Placed.of([scan for scan in scans if len(scan.ends)], poses, begins)
     if placed is None:
         return
     apart, near = placed.nothing(), placed.nothing()
@@ -237,11 +242,15 @@ class _Placed:
     shape: tuple[int, int]
 
     @classmethod
-    def of(cls, scans: Sequence[SampledScan], poses: Sequence[Pose2D]) -> _Placed | None:
+    def of(
+        cls, scans: Sequence[SampledScan], poses: Sequence[Pose2D], begins: Sequence[int]
+    ) -> _Placed | None:
         if not scans:
             return None
         xy = np.array([(pose.x, pose.y) for pose in poses])
-        way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+        steps = np.hypot(*np.diff(xy, axis=0).T)
+        steps[[begin - 1 for begin in begins[1:]]] = 2 * APART_M
+        way = np.concatenate([[0.0], np.cumsum(steps)])
         ends = [poses[one.scan].apply(one.ends.astype(np.float64)) for one in scans]
         starts = [poses[one.scan].apply(one.laser[None])[0] for one in scans]
         low = np.min([np.minimum(e.min(axis=0), s) for e, s in zip(ends, starts, strict=True)], 0)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.slam._kernels import branch_and_bound as kernels
+from mapcli.algorithms.slam._kernels.branch_and_bound import NOTHING_YET as NOTHING_YET
 from mapcli.algorithms.slam._kernels.branch_and_bound import BestPose as BestPose
 from mapcli.algorithms.slam._kernels.window_scores import PoseGrid as PoseGrid
 from mapcli.algorithms.slam._kernels.window_scores import Prior as Prior

@@ -10,6 +10,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +81,8 @@ class TrackedTrajectory:
         keyframes: in time order.
         sweeps: when the points were taken, and how the robot moved meanwhile; of no scan as long as
             all beams of a scan are taken at once.
+        begins: numbers of the scans with which drives begin; there may be several drives, one
+            after the other, and nothing is known of the way from one to the next.
     """
 
     poses: list[Pose2D] = field(default_factory=list)
@@ -87,8 +90,9 @@ class TrackedTrajectory:
     points: ScanStore = field(default_factory=ScanStore)
     keyframes: list[Keyframe] = field(default_factory=list)
     sweeps: TrackedSweeps = field(default_factory=TrackedSweeps)
+    begins: list[int] = field(default_factory=lambda: [0])
 
-    def add(self, pose: Pose2D, points: NDArray[np.float64], step: Pose2D | None = None) -> None:
+    def add(self, pose: Pose2D, points: NDArray[Any], step: Pose2D | None = None) -> None:
         """The next scan."""
         self.poses.append(pose)
         self.steps.append(step)

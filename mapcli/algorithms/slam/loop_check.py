@@ -90,7 +90,7 @@ class _Check:
 
     def _trial(self, loops: list[ScoredLoop], graph: PoseGraph) -> Trial:
         poses = apply_corrections(self.trajectory, self.closer.submaps, graph.poses)
-        return Trial(loops, graph, explain_scans(self.sample, poses))
+        return Trial(loops, graph, explain_scans(self.sample, poses, self.trajectory.begins))
 
     def _without(self, trial: Trial, group: list[ScoredLoop]) -> Trial:
         """The same without a group of loops."""

@@ -63,6 +63,7 @@ def believed_steps(trajectory: TrackedTrajectory, model: MotionModel) -> Odometr
         deviations = model.uncertainty(believed).deviations
         counted[k] = step.x, step.y, step.theta
         information[k] = deviations.xy**-2, deviations.theta**-2
+    information[[begin - 1 for begin in trajectory.begins[1:]]] = 0.0
     return OdometrySteps(counted, information / INDEPENDENT_SHARE)
 
 

@@ -210,6 +210,7 @@ class ReplayRun:
             reasons=reasons,
             sweep=self._sweep_summary(),
             loop_check=self.finalised.loop_check if self.finalised else None,
+            unjoined=len(self.finalised.unjoined) if self.finalised else 0,
         )
 
     def _reasons(self, trace: PoseTrace) -> tuple[Reason, ...]:

@@ -67,23 +67,23 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SweepRefinement:
+class Refined:
     """The result of a refinement.
 
     Attributes:
         trajectory: with the perceptions of its keyframes deskewed anew.
         poses: of every scan.
-        crispness: what deskewing was worth.
+        crispness: what deskewing was worth; None if all beams of a scan were taken at once.
     """
 
     trajectory: TrackedTrajectory
     poses: list[Pose2D]
-    crispness: Crispness
+    crispness: Crispness | None = None
 
 
 def refine_sweeps(
     trajectory: TrackedTrajectory, poses: list[Pose2D], cell: float, odometry: MotionModel
-) -> SweepRefinement:
+) -> Refined:
     """Fit all poses to the surfels that the keyframes show, each point seen from where it was
     taken.
 
@@ -97,7 +97,7 @@ def refine_sweeps(
         for _ in range(STEPS):
             if fit.step(surfels) < STILL_M:
                 break
-    return SweepRefinement(fit.deskewed(), fit.poses(), fit.crispness(surfels))
+    return Refined(fit.deskewed(), fit.poses(), fit.crispness(surfels))
 
 
 class _SweepFit:
@@ -112,6 +112,7 @@ class _SweepFit:
     ) -> None:
         self._trajectory, self._sweeps = trajectory, trajectory.sweeps
         self._odometry = odometry_steps(trajectory.sweeps, odometry)
+        self._odometry.information[[begin - 1 for begin in trajectory.begins[1:]]] = 0.0
         self._stamps_s = np.array(
             [(stamp - self._sweeps.stamps_ns[0]) / NANOSECONDS for stamp in self._sweeps.stamps_ns]
         )

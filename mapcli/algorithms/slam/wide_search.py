@@ -8,7 +8,9 @@ found is a prediction and no more: it is matched anew, closely, with the nearest
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam._kernels.window_scores import PoseGrid
 from mapcli.algorithms.slam.agreement import agreement
-from mapcli.algorithms.slam.correlative_search import best_in_window
+from mapcli.algorithms.slam.correlative_search import NOTHING_YET, best_in_window
 from mapcli.algorithms.slam.likelihood_field import LEVEL_WIDTHS
 from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
@@ -41,6 +43,14 @@ NODES_A_SUBMAP = 50_000
 
 LEAST_SCORE = 0.4
 """Of what is found in the coarse map, to be matched anew."""
+
+ALIKE = 0.9
+"""Share of the best fit from which on another place looks like the one that was found. A room among
+many that are alike fits into each of them as well as this, and a place that is like no other into
+the rest of a building three quarters as well."""
+
+APART_CELLS, APART_TURNS = 10, 20
+"""Squares of the coarse map, and headings, from which on a pose is another one: 2 m and 20 deg."""
 
 
 class Found(NamedTuple):
@@ -87,8 +97,15 @@ class WideSearch:
         grid, cell = self._coarse_map(others), self._map.resolution
         self._cover(grid, middle, poses, radius_of(points))
         cells, start = voxel_filtered(points, POINT_CELL) / cell, grid.pose_to_cells(middle)
-        best = best_in_window(grid, cells, start, poses).cells(start, poses.turn_step)
+        found = best_in_window(grid, cells, start, poses)
+        best = found.cells(start, poses.turn_step)
         if agreement(grid, cells, best).score < LEAST_SCORE:
+            return None
+        if any(
+            best_in_window(grid, cells, at, window, known=least).score > least.score
+            for least in [NOTHING_YET._replace(score=ALIKE * found.fit)]
+            for at, window in elsewhere(start, poses, best)
+        ):
             return None
         pose = grid.pose_from_cells(best)
         old = min(others, key=lambda k: self.graph.poses[k].distance(pose))
@@ -124,3 +141,26 @@ class WideSearch:
         slack = (poses.reach + int(LEVEL_WIDTHS[-1]) + 1) * self._map.resolution + radius
         centre: NDArray[np.float64] = np.array([middle.x, middle.y])
         grid.extend_to(centre - slack, centre + slack)
+
+
+def elsewhere(
+    middle: NDArray[np.float64], poses: PoseGrid, found: NDArray[np.float64]
+) -> Iterator[tuple[NDArray[np.float64], PoseGrid]]:
+    """Windows that together hold the poses of a window that are not near a found one: first other
+    headings there, then other places, in ever smaller squares around it.
+
+    Args:
+        middle, found: (u, v, theta), in cells and radians; poses: of the window, at all headings.
+    """
+    behind = found + np.array([0.0, 0.0, math.pi])
+    yield behind, poses._replace(reach=APART_CELLS, turns=poses.turns - APART_TURNS)
+    squares = [(middle, poses.reach)]
+    while squares:
+        at, reach = squares.pop()
+        away = float(np.abs(at - found)[:2].max())
+        if away > reach + APART_CELLS:
+            yield at, poses._replace(reach=reach)
+        elif reach > APART_CELLS:
+            half = (reach + 1) // 2
+            corners = itertools.product((-half, half), repeat=2)
+            squares += [(at + np.array([u, v, 0.0]), half) for u, v in corners]

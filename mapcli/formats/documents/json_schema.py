@@ -15,7 +15,7 @@ DRAFT = "https://json-schema.org/draft/2020-12/schema"
 
 DOCUMENTS = (
     "pose-trace", "exploration-trace", "similarity-table", "evaluation", "log-info", "map-info",
-    "trace-info", "file-info", "map-comparison", "map-transform", "rasterize", "mowing",
+    "trace-info", "file-info", "sessions", "map-comparison", "map-transform", "rasterize", "mowing",
 )  # fmt: skip
 """What commands write; `format` in the document is `mapcli.` and the name."""
 
@@ -39,4 +39,9 @@ def json_schema(name: str) -> dict[str, Any]:
 
 def _read(name: str) -> dict[str, Any]:
     text = files("mapcli.formats.documents").joinpath("schemas", f"{name}.json").read_text("utf-8")
-    return dict(json.loads(text))
+    return dict(json.loads(text, object_hook=_included))
+
+
+def _included(part: dict[str, Any]) -> dict[str, Any]:
+    """What an object of a schema stands for: `{"include": NAME}` is the content of another file."""
+    return _read(part["include"]) if set(part) == {"include"} else part

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from mapcli.errors import FormatError
-from mapcli.formats.file_kind import kind_at, kind_of
+from mapcli.formats.file_kind import is_state, kind_at, kind_of
 from mapcli.formats.input import (
     MCAP_MAGIC,
     SNIFFED_BYTES,
@@ -161,6 +161,8 @@ def _natural(path: Path) -> list[tuple[int, str]]:
 def _kind(source: Source) -> Kind:
     """What a file is, by its content."""
     start = _start(source)
+    if is_state(start):
+        raise FormatError(f"is {kind_of(start)}", file=source.name, expected=EXPECTED)
     for magic, kind in MAGICS.items():
         if start.startswith(magic):
             return kind

@@ -51,7 +51,7 @@ LATCHED = """\
 """Quality of service that makes `ros2 bag play` repeat /tf_static to late listeners."""
 
 
-class _Counted:
+class CountedStream:
     """A binary stream that knows its position, so that pipes can be written to."""
 
     def __init__(self, stream: BinaryIO) -> None:
@@ -85,7 +85,7 @@ class McapLogWriter:
         self._channels: dict[tuple[str, str], int] = {}
         self._schemas: dict[str, int] = {}
         self._sequence: dict[int, int] = {}
-        self._writer = Writer(_Counted(stream), compression=CompressionType.ZSTD)  # type: ignore[arg-type]
+        self._writer = Writer(CountedStream(stream), compression=CompressionType.ZSTD)  # type: ignore[arg-type]
         self._writer.start(profile="ros2", library=f"mapcli {__version__}")
 
     def __enter__(self) -> McapLogWriter:

@@ -1,0 +1,1 @@
+"""Several drives through one building: joined, refined together, one map."""

@@ -1,0 +1,108 @@
+"""Several drives after loop closure: which belong together, and where their scans are."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from mapcli.algorithms.sessions.drive import Drive
+from mapcli.algorithms.sessions.joined_trajectory import joined_trajectory
+from mapcli.algorithms.slam.back_end import loops_between_scans
+from mapcli.algorithms.slam.loop_check import keep_loops_that_help
+from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopParameters
+from mapcli.algorithms.slam.slam_parameters import SlamParameters
+from mapcli.algorithms.slam.submaps import apply_corrections
+from mapcli.model.trace import Loop
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A loop, between scans of the same drive or of two."""
+
+    from_drive: int
+    to_drive: int
+    loop: Loop
+
+
+class Piece(NamedTuple):
+    """A part of a drive that was tracked without a break: its first scan, and the earliest piece
+    of all that loops join it with."""
+
+    first: int
+    group: int
+
+
+class ClosedDrives:
+    """All drives after loop closure.
+
+    Attributes:
+        drives: the oldest first; poses: of the scans of each, loops closed.
+        links: the loops.
+    """
+
+    def __init__(
+        self,
+        drives: Sequence[Drive],
+        parameters: SlamParameters,
+        progress: Callable[[int], None],
+    ) -> None:
+        self.drives = drives
+        trajectory = joined_trajectory(drives)
+        self._begins = trajectory.begins
+        loops = parameters.loops or LoopParameters()
+        closer = LoopCloser(trajectory.keyframes, parameters.map, loops)
+        closer.run(progress)
+        keep_loops_that_help(closer, trajectory)
+        closed = closer.result()
+        self._pieces = self._pieces_of(closer)
+        poses = apply_corrections(trajectory, closed.submaps, closed.origins)
+        ends = [*self._begins[1:], len(poses)]
+        self.poses = [poses[begin:end] for begin, end in zip(self._begins, ends, strict=True)]
+        self.links = [self._link(loop) for loop in loops_between_scans(trajectory, closed)]
+
+    def _link(self, loop: Loop) -> Link:
+        """A loop between scans of all drives as one between those of each."""
+        one, other = (bisect_right(self._begins, scan) - 1 for scan in (loop.from_, loop.to))
+        from_, to = loop.from_ - self._begins[one], loop.to - self._begins[other]
+        return Link(one, other, replace(loop, from_=from_, to=to))
+
+    def _pieces_of(self, closer: LoopCloser) -> list[list[Piece]]:
+        """The pieces of each drive."""
+        pieces: list[list[Piece]] = [[] for _ in self.drives]
+        for k, submap in enumerate(closer.submaps):
+            first = closer.keyframes[submap.first]
+            if first.lost_since is not None or not k:
+                scan = first.lost_since or 0
+                drive = bisect_right(self._begins, scan) - 1
+                first_scan = scan - self._begins[drive]
+                pieces[drive].append(Piece(first_scan, closer.pieces.group(k)))
+        return pieces
+
+    def unjoined(self, drive: int, oldest: int) -> list[tuple[int, int]]:
+        """First and last scans of the pieces of a drive that are joined with none of the oldest
+        one's: nobody knows how they lie to the rest of the map."""
+        known = {self._pieces[oldest][0].group}
+        pieces = self._pieces[drive]
+        ends = [*(one.first for one in pieces[1:]), len(self.poses[drive])]
+        return [
+            (one.first, end - 1)
+            for one, end in zip(pieces, ends, strict=True)
+            if one.group not in known
+        ]
+
+    def loops_to(self, drive: int) -> dict[str, int]:
+        """How many loops lead from a drive to each other one, by name."""
+        ends = [{link.from_drive, link.to_drive} - {drive} for link in self.links
+                if drive in (link.from_drive, link.to_drive)]  # fmt: skip
+        return dict(sorted(Counter(self.drives[k].name for other in ends for k in other).items()))
+
+    def groups(self) -> list[list[int]]:
+        """The drives that loops lead between, by their numbers, each group in order of age."""
+        group = list(range(len(self.drives)))
+        for link in self.links:
+            one, other = sorted((group[link.from_drive], group[link.to_drive]))
+            group = [one if g == other else g for g in group]
+        return [[k for k, own in enumerate(group) if own == g] for g in sorted(set(group))]
