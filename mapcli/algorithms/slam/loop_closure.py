@@ -44,7 +44,7 @@ from mapcli.algorithms.slam.submaps import (
     covariance_between,
     split_into_submaps,
 )
-from mapcli.algorithms.slam.wide_search import WideSearch
+from mapcli.algorithms.slam.wide_search import Found, WideSearch
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import least_position_deviation
 
@@ -72,6 +72,11 @@ square of their number."""
 PRUNE_GATE = 5.0
 """Mahalanobis distance of its residual beyond which a loop is an outlier after optimisation."""
 
+
+CLEARLY = 0.08
+"""By which the score of a match must be better than that at any other place, when it may be
+anywhere: rooms that are alike differ by up to 0.04, by noise; places that look alike in a coarse
+map only by 0.12 and more."""
 
 CLOSE_WINDOW = SearchWindow(1.0, math.radians(4.0))
 """Around what was found in a coarse map: some of its cells, and of its headings."""
@@ -178,34 +183,44 @@ class LoopCloser:
         """Look for a submap in an old one's map, where the graph has it."""
         window = search_window(path, self.parameters.widest_xy)
         predicted = self.graph.poses[old].between(self.graph.poses[new])
-        self._match(old, new, predicted, window)
+        loop = self._match(old, new, predicted, window)
+        if loop is not None:
+            self.propose(loop)
 
     def compare_widely(self, new: int) -> None:
         """Look for a submap among those of pieces that its own is not joined with."""
         for group in self.pieces.others(new):
             others = self.pieces.members(group, new)
-            is_due = self._wide_search.is_due(new, others)
-            found = self._wide_search.find(new, others) if is_due else None
-            if found is not None:
-                self._match(found.old, new, found.pose, CLOSE_WINDOW)
+            if self._wide_search.is_due(new, others):
+                self._propose_clear(new, self._wide_search.find(new, others))
 
-    def _match(self, old: int, new: int, predicted: Pose2D, window: SearchWindow) -> None:
-        """Look for a submap in an old one's map; a reliable match becomes a loop that waits for
-        confirmation."""
+    def _propose_clear(self, new: int, places: list[Found]) -> None:
+        """A submap that fits clearly best at one of these places becomes a loop that waits for
+        another one; one that fits at two of them as well may be at either."""
+        found = (self._match(one.old, new, one.pose, CLOSE_WINDOW) for one in places)
+        loops = sorted(filter(None, found), key=lambda loop: -loop.score)
+        if loops and all(loops[0].score - one.score >= CLEARLY for one in loops[1:]):
+            self.propose(loops[0])
+
+    def _match(
+        self, old: int, new: int, predicted: Pose2D, window: SearchWindow
+    ) -> ScoredLoop | None:
+        """Look for a submap in an old one's map; None if there is no reliable match."""
         a, b = self.submaps[old].origin, self.submaps[new].origin
         match = self.matcher.match(a, b, predicted, window, window.deviations(WINDOW_SIGMAS))
-        if match is not None and self.is_reliable(match):
-            self.propose(Edge(old, new, match.pose, match.covariance), match.score)
+        if match is None or not self.is_reliable(match):
+            return None
+        return ScoredLoop(Edge(old, new, match.pose, match.covariance), match.score)
 
     def is_reliable(self, match: SubmapMatch) -> bool:
         """Whether a match fits well, on enough ground, and not elsewhere as well."""
         fits = match.score >= LEAST_SCORE and match.overlap >= LEAST_OVERLAP and not match.at_edge
         return fits and least_position_deviation(match.covariance) < AMBIGUOUS_M
 
-    def propose(self, loop: Edge, score: float) -> None:
+    def propose(self, loop: ScoredLoop) -> None:
         """A loop that waits for another one that is consistent with it."""
-        self.unconfirmed.append(ScoredLoop(loop, score))
-        self._loops_to[loop.to].append(loop)
+        self.unconfirmed.append(loop)
+        self._loops_to[loop.edge.to].append(loop.edge)
 
     def accept(self) -> list[Edge]:
         """HERE A LOOP IS ACCEPTED: when another loop, of a submap shortly before, is consistent

@@ -45,9 +45,12 @@ LEAST_SCORE = 0.4
 """Of what is found in the coarse map, to be matched anew."""
 
 ALIKE = 0.9
-"""Share of the best fit from which on another place looks like the one that was found. A room among
-many that are alike fits into each of them as well as this, and a place that is like no other into
-the rest of a building three quarters as well."""
+"""Share of the best fit from which on another place looks like the one that was found, in a coarse
+map. A room among many that are alike fits into each of them as well as this, and a place that is
+like no other into the rest of a building three quarters as well."""
+
+MOST_RIVALS = 4
+"""Other places that are told, at most."""
 
 APART_CELLS, APART_TURNS = 10, 20
 """Squares of the coarse map, and headings, from which on a pose is another one: 2 m and 20 deg."""
@@ -88,26 +91,32 @@ class WideSearch:
         self._searched.add(new)
         return True
 
-    def find(self, new: int, others: list[int]) -> Found | None:
-        """The best place of a submap among others, if there is any."""
+    def find(self, new: int, others: list[int]) -> list[Found]:
+        """The best place of a submap among others, if there is any, and places that look like it
+        in a coarse map."""
         points = self.matcher.points(self.origins[new])
         if not len(points):
-            return None
+            return []
         middle, poses = self._everywhere(others)
         grid, cell = self._coarse_map(others), self._map.resolution
         self._cover(grid, middle, poses, radius_of(points))
         cells, start = voxel_filtered(points, POINT_CELL) / cell, grid.pose_to_cells(middle)
-        found = best_in_window(grid, cells, start, poses)
-        best = found.cells(start, poses.turn_step)
-        if agreement(grid, cells, best).score < LEAST_SCORE:
-            return None
-        if any(
-            best_in_window(grid, cells, at, window, known=least).score > least.score
-            for least in [NOTHING_YET._replace(score=ALIKE * found.fit)]
-            for at, window in elsewhere(start, poses, best)
-        ):
-            return None
-        pose = grid.pose_from_cells(best)
+        best = best_in_window(grid, cells, start, poses)
+        place = best.cells(start, poses.turn_step)
+        if agreement(grid, cells, place).score < LEAST_SCORE:
+            return []
+        least = NOTHING_YET._replace(score=ALIKE * best.fit)
+        rivals = []
+        for at, window in elsewhere(start, poses, place):
+            rival = best_in_window(grid, cells, at, window, known=least)
+            if rival.score > least.score:
+                rivals.append((rival.score, rival.cells(at, poses.turn_step)))
+        rivals.sort(key=lambda rival: -rival[0])
+        places = [place, *(cells for _, cells in rivals[:MOST_RIVALS])]
+        return [self._seen_from_others(grid.pose_from_cells(one), others) for one in places]
+
+    def _seen_from_others(self, pose: Pose2D, others: list[int]) -> Found:
+        """A place in the map, as seen from the nearest submap."""
         old = min(others, key=lambda k: self.graph.poses[k].distance(pose))
         return Found(old, self.graph.poses[old].between(pose))
 

@@ -185,7 +185,7 @@ def waiting(closer: LoopCloser, *loops: tuple[int, int, Pose2D]) -> None:
     poses = closer.graph.poses
     for old, new, error in loops:
         measured = poses[old].between(poses[new]).compose(error)
-        closer.propose(Edge(old, new, measured, TIGHT), 0.9)
+        closer.propose(ScoredLoop(Edge(old, new, measured, TIGHT), 0.9))
 
 
 @pytest.fixture
@@ -209,7 +209,7 @@ def test_two_that_agree_are_accepted_even_where_tracking_was_wrong(
     poses = list(ring_closer.graph.poses)
     waiting(ring_closer, (0, 7, ahead))
     moved = poses[7].compose(ahead).compose(poses[7].between(poses[8]))
-    ring_closer.propose(Edge(1, 8, poses[1].between(moved), TIGHT), 0.9)
+    ring_closer.propose(ScoredLoop(Edge(1, 8, poses[1].between(moved), TIGHT), 0.9))
     assert ring_closer.accept()
     assert [(e.from_, e.to) for e, _ in ring_closer.accepted] == [(0, 7), (1, 8)]
     assert ring_closer.unconfirmed == []
