@@ -85,9 +85,12 @@ def _reasons(log: Log, check: LogCheck) -> tuple[Reason, ...]:
 
 
 def _noting_mounts(records: Iterable[Record], mounts: dict[Mount, None]) -> Iterator[Record]:
+    last: Mount | None = None
     for record in records:
-        if isinstance(record, RangeScan) and not isinstance(record, RangeReading):
-            mounts[record.mount] = None
+        if isinstance(record, RangeScan) and record.mount is not last:
+            last = record.mount
+            if not isinstance(record, RangeReading):
+                mounts[last] = None
         yield record
 
 

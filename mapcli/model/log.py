@@ -37,6 +37,10 @@ class Topic:
     first_ns: int = 0
     last_ns: int = 0
 
+    def __hash__(self) -> int:
+        """Of the name alone: topics are looked up for every message."""
+        return hash(self.name)
+
 
 ALL_TOPICS = "all"
 """In the place of a name: every topic of scans."""

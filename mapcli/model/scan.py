@@ -63,11 +63,15 @@ class RangeScan:
     @property
     def first_ns(self) -> int:
         """When the first beam is taken, nanoseconds."""
+        if not self.timing.increment:
+            return self.stamp_ns
         return self.stamp_ns - round(self.timing.before_stamp(len(self.ranges)) * NANOSECONDS)
 
     @property
     def last_ns(self) -> int:
         """When the last beam is taken, nanoseconds."""
+        if not self.timing.increment:
+            return self.stamp_ns
         return self.first_ns + round(self.timing.span(len(self.ranges)) * NANOSECONDS)
 
     def beam_seconds(self) -> NDArray[np.float64]:
@@ -119,13 +123,18 @@ def _directions(
 
 def in_order(scan: RangeScan, order: BeamOrder) -> RangeScan:
     """A scan whose beams are taken in an order."""
-    return replace(scan, timing=replace(scan.timing, order=order))
+    return replace(scan, timing=_timing(scan.timing, scan.timing.increment, order))
 
 
 def turning(scan: RangeScan, turn_s: float, order: BeamOrder) -> RangeScan:
     """A scan whose beams are taken in an order, of a laser whose full turn takes some seconds."""
     increment = turn_s * abs(scan.angle_increment) / math.tau
-    return replace(scan, timing=replace(scan.timing, increment=increment, order=order))
+    return replace(scan, timing=_timing(scan.timing, increment, order))
+
+
+@lru_cache(maxsize=16)
+def _timing(timing: BeamTiming, increment: float, order: BeamOrder) -> BeamTiming:
+    return replace(timing, increment=increment, order=order)
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,7 +41,7 @@ class BeamTiming:
 
     def before_stamp(self, beams: int) -> float:
         """Seconds from the first beam to the stamp."""
-        return self.span(beams) * {"first": 0.0, "middle": 0.5, "last": 1.0}[self.stamp]
+        return self.span(beams) * _SHARES[self.stamp]
 
     def after_stamp(self, beams: int) -> NDArray[np.float64]:
         """Seconds after the stamp at which each beam of the array is taken, shape (n,)."""
@@ -49,6 +49,9 @@ class BeamTiming:
 
 
 AT_ONCE = BeamTiming()
+
+_SHARES: dict[ScanStamp, float] = {"first": 0.0, "middle": 0.5, "last": 1.0}
+"""Of a sweep, before the stamp."""
 
 
 @lru_cache(maxsize=16)

@@ -6,6 +6,7 @@ import math
 from array import array
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,6 +97,9 @@ class LogCheck:
     first_jump_at_s: float | None
 
 
+_description = attrgetter("angle_min", "angle_increment", "range_min", "range_max", "timing")
+
+
 class _LogFacts:
     """Gathers the facts of records one by one; keeps eight bytes of each (stateful)."""
 
@@ -113,6 +117,7 @@ class _LogFacts:
         self.mount, self.sweeps = MountCheck(), SweepSearch()
         self.order: BeamOrder | None = None
         self._last_scan: RangeScan | None = None
+        self._last_description: tuple[object, ...] = ()
         self._last_odometry: Odometry | None = None
 
     def added(self, records: Iterable[Record]) -> Iterator[Record]:
@@ -132,6 +137,24 @@ class _LogFacts:
     def _add_scan(self, scan: RangeScan) -> None:
         if self._is_of_next_moment(scan):
             self.scan_stamps.append(scan.stamp_ns)
+        description = len(scan.ranges), *_description(scan)
+        if description != self._last_description:  # it seldom is
+            self._describe(scan)
+            self._last_description = description
+        if scan.timing.increment:
+            self.order = self.sweeps.order if self.sweeps.was_needed else scan.timing.order
+        self.repeated += self._repeats(scan)
+        self._last_scan = scan
+
+    def _repeats(self, scan: RangeScan) -> bool:
+        """Whether a scan has the very ranges of the one before. Ranges that follow REP 117 have one
+        NaN and no zeros, so that equal ones have the same bytes."""
+        if self._last_scan is None or isinstance(scan, RangeReading):
+            return False  # of a sensor's readings the next may well be the same
+        return self._last_scan.ranges.tobytes() == scan.ranges.tobytes()
+
+    def _describe(self, scan: RangeScan) -> None:
+        """Take what a scan says of its beams."""
         n = len(scan.ranges)
         ends = scan.angle_min, scan.angle_min + scan.angle_increment * (n - 1)
         for extremes, least, most in (
@@ -142,17 +165,6 @@ class _LogFacts:
             extremes[0], extremes[1] = min(extremes[0], least), max(extremes[1], most)
         self.turn_s = max(self.turn_s, turn_time(scan))
         self.sweep_s = max(self.sweep_s, scan.timing.span(n))
-        if scan.timing.increment:
-            self.order = self.sweeps.order if self.sweeps.was_needed else scan.timing.order
-        last = self._last_scan
-        is_reading = isinstance(scan, RangeReading)  # of which the next may well be the same
-        if (
-            last is not None
-            and not is_reading
-            and np.array_equal(last.ranges, scan.ranges, equal_nan=True)
-        ):
-            self.repeated += 1
-        self._last_scan = scan
 
     def _is_of_next_moment(self, scan: RangeScan) -> bool:
         """Range sensors that read at the same time are looked at as one."""

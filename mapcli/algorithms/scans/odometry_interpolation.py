@@ -99,8 +99,11 @@ class _KnownOdometry:
         )
 
     def _after(self, stamp_ns: int) -> int:
-        """The place of the first record after a moment."""
-        return bisect_right(self._records, stamp_ns, key=_stamp_ns)
+        """The place of the first record after a moment: nearly always of the last one."""
+        known = self._records
+        if len(known) > 1 and known[-2].stamp_ns <= stamp_ns < known[-1].stamp_ns:
+            return len(known) - 1
+        return bisect_right(known, stamp_ns, key=_stamp_ns)
 
     def _pose(self, stamp_ns: int) -> Pose2D | None:
         """The pose at a moment, as `odometry_at_scans` yields it."""

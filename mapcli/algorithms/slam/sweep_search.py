@@ -51,17 +51,22 @@ class SweepSearch:
         held back until they are."""
         records = iter(records)
         for record in records:
-            held, stopped = deque([record]), None
-            if _is_open(record):
-                self.was_needed = True
-                if self.order is None and self._searches < MOST_SEARCHES:
-                    try:
-                        yield from self._search(held, records)
-                    except KeyboardInterrupt as interrupt:  # what was read is not lost
-                        stopped = interrupt
+            if not (_is_open(record) and self._is_on()):
+                yield self._timed(record)
+                continue
+            held, stopped = deque[Record]([record]), None
+            try:
+                yield from self._search(held, records)
+            except KeyboardInterrupt as interrupt:  # what was read is not lost
+                stopped = interrupt
             yield from map(self._timed, held)
             if stopped is not None:
                 raise stopped
+
+    def _is_on(self) -> bool:
+        """Whether there is still something to find, now that there is a scan of unknown order."""
+        self.was_needed = True
+        return self.order is None and self._searches < MOST_SEARCHES
 
     def _search(self, held: deque[Record], records: Iterator[Record]) -> Iterator[Record]:
         """One search; yields the records of the time before the robot moves. What was read beyond

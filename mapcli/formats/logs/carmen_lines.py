@@ -16,8 +16,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from decimal import Decimal
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,8 +82,7 @@ def _is_number(word: bytes) -> bool:
         return False
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LaserMessage:
+class LaserMessage(NamedTuple):
     """A FLASER or ROBOTLASER1 line; `max_range` is 0 where the message does not tell it."""
 
     stamp_ns: int

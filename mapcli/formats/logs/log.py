@@ -207,9 +207,10 @@ class Log(ABC):
         for entry in entries:
             if isinstance(entry, MissedScans):
                 self.damage.miss(entry)
-            else:
-                self.damage.scans_read += isinstance(entry, RangeScan)
-                yield entry
+                continue
+            if isinstance(entry, RangeScan):
+                self.damage.scans_read += 1
+            yield entry
 
     def _all_records(self) -> Iterator[Entry]:
         self.damage.clear()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from heapq import merge
 from operator import itemgetter
 from typing import Any
@@ -182,7 +182,7 @@ class MessageLog(Log):
         robot = self._known_robot(odom)
         transforms = TfOdometry(robot) if odom and odom.role == "tf" else None
         mounts: dict[Place, Mount] = {}
-        turns: dict[Topic, TurnAssembler] = {}
+        turns = defaultdict[Topic, TurnAssembler](TurnAssembler)
         sensors = RangeTopics(self, robot)
         for log_time, topic, message, part in self._messages(wanted, self.damage):
             self.part = part
@@ -219,8 +219,9 @@ class MessageLog(Log):
                 mounts[place] = self._mount(robot, place)
             if topic.role == "cloud":
                 message = scan_of_cloud(message, Band(*self.options.cloud_height))
-            message = replace(message, stamp_ns=stamp)
-            for scan in turns.setdefault(topic, TurnAssembler()).add(message):
+            if stamp != message.stamp_ns:
+                message = message._replace(stamp_ns=stamp)
+            for scan in turns[topic].add(message):
                 yield self._scan(scan, mounts[topic, scan.frame, scan.origin], topic)
         for topic, assembler in turns.items():
             for scan in assembler.rest():

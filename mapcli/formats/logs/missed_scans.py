@@ -21,7 +21,7 @@ def with_stamps(records: Iterable[Entry]) -> Iterator[Entry]:
         if isinstance(record, MissedScans) and record.first_ns is None:
             waiting.append(record)
             continue
-        if isinstance(record, RangeScan | MissedScans):
+        if isinstance(record, (RangeScan, MissedScans)):
             stamp = record.stamp_ns
             start = stamp if last is None else min(last, stamp)
             if waiting:

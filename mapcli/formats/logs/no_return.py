@@ -176,6 +176,7 @@ class NoReturnFilter:
 
     def __init__(self) -> None:
         self.lasers = defaultdict[Mount, NoReturnCodes](NoReturnCodes)
+        self._last: tuple[Mount | None, NoReturnCodes] = None, NoReturnCodes()
 
     def records(self, records: Iterable[Entry], beams: BeamCounts) -> Iterator[Entry]:
         """The records in their order.
@@ -186,30 +187,44 @@ class NoReturnFilter:
         Args:
             beams: what became of the beams; the codes are added.
         """
-        held, scans, odometry = deque[Entry](), 0, None
+        held, scans, odometry, has_looked = deque[Entry](), 0, None, False
         for record in records:
-            held.append(record)
             if isinstance(record, Odometry):
                 odometry = record.pose
             elif isinstance(record, RangeScan) and len(record.ranges) > 1:
                 scans += 1
-                self.lasers[record.mount].survey(record, odometry)
-            if scans >= MOST_SCANS or len(held) >= MOST_RECORDS or self._has_looked():
+                laser = self._laser(record.mount)
+                laser.survey(record, odometry)
+                has_looked = laser.looked and (has_looked or self._have_looked())
+            if has_looked and not held:
+                yield self._translated(record, beams)
+                continue
+            held.append(record)
+            if has_looked or scans >= MOST_SCANS or len(held) >= MOST_RECORDS:
                 yield from self._released(held, beams)
+                has_looked = bool(self.lasers)
         yield from self._released(held, beams)
 
-    def _has_looked(self) -> bool:
-        return bool(self.lasers) and all(laser.looked for laser in self.lasers.values())
+    def _have_looked(self) -> bool:
+        return all(laser.looked for laser in self.lasers.values())
 
     def _released(self, held: deque[Entry], beams: BeamCounts) -> Iterator[Entry]:
         for laser in self.lasers.values():
             if not laser.looked:
                 laser.look()
         while held:
-            record = held.popleft()
-            if isinstance(record, RangeScan) and len(record.ranges) > 1:
-                record = self.lasers[record.mount].translated(record, beams)
-            yield record
+            yield self._translated(held.popleft(), beams)
+
+    def _translated(self, record: Entry, beams: BeamCounts) -> Entry:
+        if isinstance(record, RangeScan) and len(record.ranges) > 1:
+            return self._laser(record.mount).translated(record, beams)
+        return record
+
+    def _laser(self, mount: Mount) -> NoReturnCodes:
+        """That of a mount; the scans of a laser share theirs, which need not be looked up then."""
+        if mount is not self._last[0]:
+            self._last = mount, self.lasers[mount]
+        return self._last[1]
 
     def lines(self) -> Iterator[str]:
         """What is taken for no return, a sentence for each laser that has codes."""

@@ -41,11 +41,14 @@ def rep117(
     """
     result = ranges.astype(np.float32)
     beams.total += len(result)
-    far = result >= np.float32(range_max)
-    if no_return := int(np.count_nonzero(far)):
+    if not len(result):
+        return result
+    # NaN if there is any; argmin and argmax are several times as fast as min and max.
+    nearest, farthest = result[result.argmin()], result[result.argmax()]
+    if not farthest < range_max:
+        far = result >= np.float32(range_max)
         np.putmask(result, far, np.inf)
-        beams.no_return += no_return
-    nearest = np.minimum.reduce(result, initial=np.inf)  # NaN if there is any
+        beams.no_return += int(np.count_nonzero(far))
     if not (nearest > 0 and nearest >= range_min):
         _classify_near(result, np.float32(range_min), beams)
     return result

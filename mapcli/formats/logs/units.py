@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -55,7 +54,7 @@ def in_metres_and_radians(message: Message, options: LogOptions) -> Message:
     else:
         changes["max_range"] = message.max_range * _limit_factor(message.max_range, to_metres)
     changes |= {name: single(getattr(message, name) * to_radians) for name in names}
-    return replace(message, **changes)
+    return message._replace(**changes)
 
 
 def _limit_factor(limit: float, to_metres: float) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import struct
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -167,7 +166,7 @@ def test_a_lost_segment_costs_a_part_of_its_turn() -> None:
 
 
 def test_segments_of_two_frames_are_not_joined() -> None:
-    turns, count = assembled(segment(0), replace(segment(1), frame="other"))
+    turns, count = assembled(segment(0), segment(1)._replace(frame="other"))
     assert (len(turns), count) == (2, 1)
 
 

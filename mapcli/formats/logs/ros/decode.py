@@ -12,7 +12,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, wraps
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,20 @@ from mapcli.model.scan import NANOSECONDS
 
 MAX_NAME_BYTES = 4096
 
+_ORDERS = {b"\0\0": ">", b"\0\1": "<"}
+"""First bytes of plain CDR -> byte order."""
+_STAMP = {order: struct.Struct(f"{order}iI") for order in "<>"}
+_COUNT = {order: struct.Struct(f"{order}I") for order in "<>"}
+_SCAN = {order: struct.Struct(f"{order}7fI") for order in "<>"}
+_POSE = {order: struct.Struct(f"{order}7d") for order in "<>"}
+FLOATS = {order: np.dtype(f"{order}f4") for order in "<>"}
+"""Byte order -> the layout of numbers in it, each worked out once."""
+
 Result = TypeVar("Result")
 Buffer = bytes | memoryview
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LaserScan:
+class LaserScan(NamedTuple):
     """The fields of sensor_msgs/msg/LaserScan that matter here, as sent.
 
     Attributes:
@@ -48,8 +56,7 @@ class LaserScan:
     origin: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class RangeMessage:
+class RangeMessage(NamedTuple):
     """The fields of sensor_msgs/msg/Range that matter here, as sent. It also has a `variance` since
     ROS 2 Iron, which comes last and is not read."""
 
@@ -61,8 +68,7 @@ class RangeMessage:
     reading: float
 
 
-@dataclass(frozen=True, slots=True)
-class OdometryMessage:
+class OdometryMessage(NamedTuple):
     """nav_msgs/msg/Odometry in the plane: `frame` from `child`, or another message that tells a
     pose; PoseStamped does not tell whose, and `child` is empty."""
 
@@ -114,8 +120,7 @@ _BAD_BYTES = (
 def scan_from_cdr(data: Buffer) -> LaserScan:
     order, body = opened(data)
     scan, n, at = scan_without_ranges(order, body)
-    ranges = np.frombuffer(body, dtype=f"{order}f4", count=n, offset=at)
-    return LaserScan(*scan, ranges=ranges)
+    return LaserScan(*scan, np.frombuffer(body, FLOATS[order], n, at))
 
 
 def scan_without_ranges(
@@ -125,7 +130,7 @@ def scan_without_ranges(
     ranges, how many of these there are, and where they begin."""
     stamp, frame, at = header_at(order, body, 0)
     at += -at % 4
-    first, last, step, seconds, _, low, high, n = struct.unpack_from(f"{order}7fI", body, at)
+    first, last, step, seconds, _, low, high, n = _SCAN[order].unpack_from(body, at)
     return (stamp, frame, first, last, step, seconds, low, high), n, at + 32
 
 
@@ -143,7 +148,7 @@ def odometry_from_cdr(data: Buffer) -> OdometryMessage:
     order, body = opened(data)
     stamp, frame, at = header_at(order, body, 0)
     child, at = _string(order, body, at)
-    x, y, _, *quaternion = struct.unpack_from(f"{order}7d", body, at + -at % 8)
+    x, y, _, *quaternion = _POSE[order].unpack_from(body, at + -at % 8)
     return OdometryMessage(stamp, frame, child, planar_pose((x, y), quaternion))
 
 
@@ -152,7 +157,7 @@ def pose_from_cdr(data: Buffer) -> OdometryMessage:
     """PoseStamped, or PoseWithCovarianceStamped."""
     order, body = opened(data)
     stamp, frame, at = header_at(order, body, 0)
-    x, y, _, *quaternion = struct.unpack_from(f"{order}7d", body, at + -at % 8)
+    x, y, _, *quaternion = _POSE[order].unpack_from(body, at + -at % 8)
     return OdometryMessage(stamp, frame, "", planar_pose((x, y), quaternion))
 
 
@@ -165,7 +170,7 @@ def transforms_from_cdr(data: Buffer) -> list[Transform]:
         stamp, parent, at = header_at(order, body, at)
         child, at = _string(order, body, at)
         at += -at % 8
-        numbers = struct.unpack_from(f"{order}7d", body, at)
+        numbers = _POSE[order].unpack_from(body, at)
         transforms.append(Transform(stamp, parent, child, rigid(numbers[:3], numbers[3:])))
         at += 56
     return transforms
@@ -173,18 +178,18 @@ def transforms_from_cdr(data: Buffer) -> list[Transform]:
 
 def opened(data: Buffer) -> tuple[str, Buffer]:
     """Byte order (plain CDR, big or little endian, as the first four bytes tell), and the rest."""
-    kind = bytes(data[:2])
-    if kind not in (b"\0\0", b"\0\1"):
+    order = _ORDERS.get(bytes(data[:2]))
+    if order is None:
         raise ValueError("not plain CDR")
-    return "<" if kind[1] else ">", data[4:]
+    return order, data[4:]
 
 
 def header_at(order: str, body: Buffer, at: int) -> tuple[int, str, int]:
     """Stamp, frame and end of a std_msgs/msg/Header. Numbers start at multiples of their size."""
     at += -at % 4
-    seconds, nanoseconds = struct.unpack_from(f"{order}iI", body, at)
-    frame, at = _string(order, body, at + 8)
-    return stamp_of(seconds, nanoseconds), frame, at
+    seconds, nanoseconds = _STAMP[order].unpack_from(body, at)
+    frame, at = string_at(order, body, at + 8)
+    return seconds * NANOSECONDS + nanoseconds, frame, at
 
 
 def _string(order: str, body: Buffer, at: int) -> tuple[str, int]:
@@ -194,7 +199,7 @@ def _string(order: str, body: Buffer, at: int) -> tuple[str, int]:
 
 def string_at(order: str, body: Buffer, at: int) -> tuple[str, int]:
     """A frame's name that begins right there, and its end."""
-    (letters,) = struct.unpack_from(f"{order}I", body, at)
+    (letters,) = _COUNT[order].unpack_from(body, at)
     at += 4
     if letters > MAX_NAME_BYTES:
         raise ValueError("no frame's name")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 
 from mapcli.formats.logs.rep117 import rep117, sensible_limits, single
 from mapcli.formats.logs.ros.decode import LaserScan
@@ -33,8 +34,14 @@ def range_scan(
     if high != message.range_max:
         note(f"range_max is {message.range_max:g}: not used")
     ranges = rep117(message.ranges, low, high, beams)
-    timing = BeamTiming(message.time_increment, order=None)
+    timing = _untold_order(message.time_increment)
     return RangeScan(stamp_ns, message.angle_min, increment, ranges, low, high, mount, timing)
+
+
+@lru_cache(maxsize=16)
+def _untold_order(increment: float) -> BeamTiming:
+    """Beams of which the message does not tell the order, by the time from one to the next."""
+    return BeamTiming(increment, order=None)
 
 
 def angle_increment(message: LaserScan) -> float | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -79,8 +78,7 @@ def joined(segments: Sequence[LaserScan]) -> LaserScan:
     ranges = np.concatenate([segment.ranges for segment in segments])
     before = len(ranges) - len(last.ranges)
     seconds = (last.stamp_ns - first.stamp_ns) / NANOSECONDS / before
-    return replace(
-        first,
+    return first._replace(
         angle_max=first.angle_min + (len(ranges) - 1) * first.angle_increment,
         time_increment=seconds or first.time_increment,
         ranges=ranges,
