@@ -67,6 +67,27 @@ class StandardDeviations(NamedTuple):
         xy = math.sqrt(self.xy**2 + (self.theta * metres) ** 2 + step.xy**2)
         return StandardDeviations(xy, math.hypot(self.theta, step.theta))
 
+    def along_axes(self, sideways: float = 1.0) -> AxisDeviations:
+        """In the pose's own frame, with that to the left so many times as large."""
+        return AxisDeviations(self.xy, sideways * self.xy, self.theta)
+
+
+class AxisDeviations(NamedTuple):
+    """How far off a pose may be, in its own frame.
+
+    Attributes:
+        ahead, left: metres.
+        theta: radians.
+    """
+
+    ahead: float
+    left: float
+    theta: float
+
+    def weights(self, strength: float = 1.0) -> tuple[float, float, float]:
+        """The diagonal of the information matrix, so many times as large."""
+        return strength / self.ahead**2, strength / self.left**2, strength / self.theta**2
+
 
 CERTAIN = StandardDeviations(0.0, 0.0)
 

@@ -50,6 +50,13 @@ def test_standard_deviations_by_hand() -> None:
     assert deviations.information() == pytest.approx(np.diag([100, 100, 4]))
 
 
+def test_deviations_along_axes_by_hand() -> None:
+    axes = StandardDeviations(0.1, 0.02).along_axes(0.5)
+    assert axes == (0.1, 0.05, 0.02)
+    assert axes.weights(2.0) == pytest.approx((200.0, 800.0, 5000.0))
+    assert UNKNOWN.along_axes().weights() == (0.0, 0.0, 0.0)
+
+
 def test_of_what_is_unknown_there_is_no_information() -> None:
     assert not UNKNOWN.information().any()
 

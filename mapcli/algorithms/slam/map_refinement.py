@@ -56,13 +56,12 @@ def believed_steps(trajectory: TrackedTrajectory, model: MotionModel) -> Odometr
     """From each scan to the next, as odometry was believed, or else as tracked, with the
     information of that beside what points say."""
     poses, n = trajectory.poses, max(len(trajectory.poses) - 1, 0)
-    counted, information = np.zeros((n, 3)), np.zeros((n, 2))
+    counted, information = np.zeros((n, 3)), np.zeros((n, 3))
     for k, (before, after) in enumerate(pairwise(poses)):
         believed = trajectory.steps[k + 1]
         step = believed or before.between(after)
-        deviations = model.uncertainty(believed).deviations
         counted[k] = step.x, step.y, step.theta
-        information[k] = deviations.xy**-2, deviations.theta**-2
+        information[k] = model.uncertainty(believed).along_axes().weights()
     information[[begin - 1 for begin in trajectory.begins[1:]]] = 0.0
     return OdometrySteps(counted, information / INDEPENDENT_SHARE)
 

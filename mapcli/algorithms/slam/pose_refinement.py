@@ -86,7 +86,7 @@ class ScanInMap:
             self.points.metres,
             near,
             predicted,
-            uncertainty.deviations.scaled(math.sqrt(self.independent)),
+            uncertainty.along_axes(math.sqrt(self.independent)),
             BEARING_VARIANCE,
         )
         moved = near.distance(fit.pose) + abs(near.between(fit.pose).theta) * self.points.radius

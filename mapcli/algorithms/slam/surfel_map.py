@@ -23,8 +23,8 @@ from mapcli.algorithms.slam.growing_array import grow_interval, map_too_large
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.se2_uncertainty import (
     UNKNOWN,
+    AxisDeviations,
     InformationMatrix,
-    StandardDeviations,
     information_in_own_frame,
 )
 
@@ -55,6 +55,8 @@ alike, so information would be too large if every point counted."""
 SQUARED_PREDICTION_SCALE = 9.0
 """Squared standard deviations at which the weight of the prediction has fallen to a quarter: at
 three of them odometry is likely to have failed."""
+
+NOT_KNOWN = UNKNOWN.along_axes()
 
 
 class ScanFit(NamedTuple):
@@ -143,7 +145,7 @@ class SurfelMap:
         points: NDArray[np.float64],
         start: Pose2D,
         predicted: Pose2D | None = None,
-        deviations: StandardDeviations = UNKNOWN,
+        deviations: AxisDeviations = NOT_KNOWN,
         bearing_variance: float = 0.0,
     ) -> ScanFit:
         """The pose near `start` at which points lie on surfels.
@@ -151,18 +153,14 @@ class SurfelMap:
         Args:
             points: shape (n, 2), metres in the robot's frame.
             predicted: the pose that odometry says; it decides where the surfels do not.
-            deviations: how far off that may be.
+            deviations: how far off that may be, in its own frame.
             bearing_variance: of a point seen from the robot, rad^2.
         """
         guess = predicted or start
         # Headings on the same turn of the circle.
         heading = start.theta + wrap_angle(guess.theta - start.theta)
         strength = 1 / INDEPENDENT_SHARE  # of the prediction beside points that are weaker by it
-        weights = (
-            strength / deviations.xy**2,
-            strength / deviations.theta**2,
-            SQUARED_PREDICTION_SCALE * strength,
-        )
+        weights = (*deviations.weights(strength), SQUARED_PREDICTION_SCALE * strength)
         (x, y, theta), upper, matched = icp.fit_scan(
             self._table,
             points,

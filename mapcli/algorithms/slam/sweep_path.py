@@ -26,14 +26,13 @@ def odometry_steps(sweeps: TrackedSweeps, model: MotionModel) -> OdometrySteps:
     """The motions that odometry counted from each scan to the next, with their information beside
     that of points."""
     n = len(sweeps.odometry)
-    counted, information = np.zeros((max(n - 1, 0), 3)), np.zeros((max(n - 1, 0), 2))
+    counted, information = np.zeros((max(n - 1, 0), 3)), np.zeros((max(n - 1, 0), 3))
     for k in range(n - 1):
         a, b = sweeps.odometry[k], sweeps.odometry[k + 1]
         if a is not None and b is not None:
             motion = a.between(b)
-            deviations = model.uncertainty(motion).deviations
             counted[k] = motion.x, motion.y, motion.theta
-            information[k] = deviations.xy**-2, deviations.theta**-2
+            information[k] = model.uncertainty(motion).along_axes().weights()
     return OdometrySteps(counted, information / INDEPENDENT_SHARE)
 
 

@@ -47,7 +47,9 @@ class SweepTrial:
     """Scans tracked with the times that their beams have (stateful: `step`)."""
 
     def __init__(self, parameters: SlamParameters) -> None:
-        self._parameters = p = replace(parameters, loops=None)
+        # Scans that are bent by a turn seem to have been taken a little aside.
+        odometry = replace(parameters.odometry, sideways=1.0)
+        self._parameters = p = replace(parameters, loops=None, odometry=odometry)
         self._slam = Slam(p)
         self._slam.local_map = _WatchedMap(p, self._ask)
         self._scan: RangeScan | None = None

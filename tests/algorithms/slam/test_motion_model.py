@@ -11,6 +11,7 @@ from mapcli.algorithms.slam.motion_model import (
     FAILURE_COST,
     HIGHEST_SPEED,
     MODEL_NOISE,
+    SIDEWAYS,
     DeadReckoning,
     MotionModel,
     OdometryNoise,
@@ -75,10 +76,19 @@ def test_uncertainty_by_hand() -> None:
     assert moved.deviations.xy == pytest.approx(0.01 + 0.5 + 0.02)
     assert moved.deviations.theta == pytest.approx(math.radians(1 + 10) + 0.05)
     assert moved.metres == pytest.approx(5)
-    standing = OdometryUncertainty(StandardDeviations(0.01, math.radians(1)), 0)
+    standing = OdometryUncertainty(StandardDeviations(0.01, math.radians(1)), 0, sideways=SIDEWAYS)
     assert model.uncertainty(Pose2D()) == standing
     silent = OdometryUncertainty(StandardDeviations(0.4, math.radians(30)), 0, window_sigmas=2)
     assert model.uncertainty(None) == silent
+
+
+def test_wheels_err_ahead_unless_they_roll_sideways() -> None:
+    model = MotionModel(xy_floor=0.0, xy_per_m=0.1)
+    for motion, left in (((2.0, 0.0), 0.2 * SIDEWAYS), ((0.0, -2.0), 0.2), ((1.6, 1.2), 0.12)):
+        axes = model.uncertainty(Pose2D(*motion)).along_axes()
+        assert (axes.ahead, axes.left) == pytest.approx((0.2, left))
+    silent = model.uncertainty(None).along_axes(2.0)
+    assert silent.ahead == silent.left == pytest.approx(2 * model.silent_xy)
 
 
 def test_what_separates_two_poses() -> None:

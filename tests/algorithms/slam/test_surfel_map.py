@@ -121,7 +121,7 @@ def test_the_prediction_decides_along_a_corridor_and_the_walls_across(heading: f
     frame = Pose2D(0, 0, heading)
     true, predicted = frame.compose(Pose2D(0, 0.03, 0)), frame.compose(Pose2D(0.2, 0, 0.01))
     points = true.inverse().apply(frame.apply(short(frame.inverse().apply(corridor(heading)))))
-    fit = walls.fit(points, true, predicted, StandardDeviations(0.1, 0.05))
+    fit = walls.fit(points, true, predicted, StandardDeviations(0.1, 0.05).along_axes())
     found = frame.between(fit.pose)
     assert found.x == pytest.approx(0.2, abs=2e-3)
     # The walls know to 0.015 / sqrt(0.3 * 160 points) = 2 mm, the prediction to 10 cm.
@@ -144,7 +144,9 @@ def test_without_a_prediction_the_start_is_kept_along_a_corridor() -> None:
 def test_a_prediction_far_away_has_little_say() -> None:
     # 0.5 m are 50 standard deviations: odometry has failed, and the room is right.
     walls, points = map_of(room()), room(0.06)
-    fit = walls.fit(points, Pose2D(0.01, 0.01), Pose2D(0.5, 0.0), StandardDeviations(0.01, 0.01))
+    fit = walls.fit(
+        points, Pose2D(0.01, 0.01), Pose2D(0.5, 0.0), StandardDeviations(0.01, 0.01).along_axes()
+    )
     assert fit.pose.distance(Pose2D()) < 0.003
 
 
@@ -152,7 +154,10 @@ def test_a_prediction_on_another_turn_of_the_circle_is_the_same() -> None:
     walls, true = map_of(room()), Pose2D(0.1, 0.1, math.pi - 0.002)
     points = true.inverse().apply(room(0.06))
     fit = walls.fit(
-        points, true, Pose2D(0.1, 0.1, -math.pi + 0.002), StandardDeviations(0.05, 0.05)
+        points,
+        true,
+        Pose2D(0.1, 0.1, -math.pi + 0.002),
+        StandardDeviations(0.05, 0.05).along_axes(),
     )
     assert fit.pose.distance(true) < 0.003
     assert abs(true.between(fit.pose).theta) < 0.002

@@ -113,7 +113,7 @@ def steps_of(poses: np.ndarray, noise: float) -> OdometrySteps:
     for a, b in pairwise(Pose2D(*pose) for pose in poses.tolist()):
         motion = a.between(b)
         counted.append((motion.x, motion.y, motion.theta + noise * rng.standard_normal()))
-    return OdometrySteps(np.array(counted), np.ones((len(counted), 2)))
+    return OdometrySteps(np.array(counted), np.ones((len(counted), 3)))
 
 
 @pytest.mark.parametrize(

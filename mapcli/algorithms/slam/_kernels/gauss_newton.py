@@ -71,13 +71,15 @@ class Prediction(NamedTuple):
 
     Attributes:
         pose: theta on the same turn of the circle as that of the pose that is fitted.
-        information_xy, information_theta: m^-2 and rad^-2; 0 if nothing is expected.
+        information_ahead, information_left, information_theta: in the frame of `pose`, m^-2 and
+            rad^-2; 0 if nothing is expected.
         squared_scale: of the robust kernel on its squared deviations: a prediction that the scan
             contradicts by far has little weight.
     """
 
     pose: Pose
-    information_xy: float
+    information_ahead: float
+    information_left: float
     information_theta: float
     squared_scale: float
 
@@ -191,6 +193,24 @@ def sqrt_robust_weight(square: float, squared_scale: float) -> float:
 
 
 @kernel
+def in_map_axes(
+    information: tuple[float, float], residual: tuple[float, float], heading: float, scale: float
+) -> tuple[float, float, float]:
+    """Information on a position, known ahead and to the left of a heading, times the robust weight
+    of its residual: (xx, xy, yy) in the map's axes.
+
+    Args:
+        residual: in the map's axes; scale: squared, of the robust kernel.
+    """
+    (ahead, left), (x, y) = information, residual
+    c, s = cos(heading), sin(heading)
+    square = ahead * (c * x + s * y) ** 2 + left * (c * y - s * x) ** 2
+    root = sqrt_robust_weight(square, scale)
+    ahead, left = ahead * root * root, left * root * root
+    return c * c * ahead + s * s * left, c * s * (ahead - left), s * s * ahead + c * c * left
+
+
+@kernel
 def with_prediction(
     equations: NormalEquations, pose: Pose, prediction: Prediction
 ) -> NormalEquations:
@@ -198,15 +218,16 @@ def with_prediction(
 
     Its residual is predicted - pose and its Jacobian the identity.
     """
-    n, expected = equations, prediction.pose
+    n, expected, scale = equations, prediction.pose, prediction.squared_scale
     x, y, turn = expected.x - pose.x, expected.y - pose.y, expected.theta - pose.theta
-    per_metre, per_radian = prediction.information_xy, prediction.information_theta
-    root_xy = sqrt_robust_weight(per_metre * (x * x + y * y), prediction.squared_scale)
-    root_turn = sqrt_robust_weight(per_radian * turn * turn, prediction.squared_scale)
-    xy, theta = per_metre * root_xy * root_xy, per_radian * root_turn * root_turn
+    position = prediction.information_ahead, prediction.information_left
+    xx, xy, yy = in_map_axes(position, (x, y), expected.theta, scale)
+    per_radian = prediction.information_theta
+    root_turn = sqrt_robust_weight(per_radian * turn * turn, scale)
+    theta = per_radian * root_turn * root_turn
     return NormalEquations(
-        n.xx + xy, n.xy, n.xt, n.yy + xy, n.yt, n.tt + theta,
-        n.gx + xy * x, n.gy + xy * y, n.gt + theta * turn,
+        n.xx + xx, n.xy + xy, n.xt, n.yy + yy, n.yt, n.tt + theta,
+        n.gx + xx * x + xy * y, n.gy + xy * x + yy * y, n.gt + theta * turn,
     )  # fmt: skip
 
 

@@ -50,7 +50,7 @@ def fit_scan(
     correspondences: NDArray[np.int64],
     start: tuple[float, float, float],
     predicted: tuple[float, float, float],
-    weights: tuple[float, float, float],
+    weights: tuple[float, float, float, float],
     bearing_variance: float,
 ) -> tuple[tuple[float, ...], tuple[float, ...], int]:
     """`fit_pose` for a call from Python, once or twice a scan: plain tuples get into compiled code

@@ -17,6 +17,7 @@ from mapcli.algorithms.compiling import kernel
 from mapcli.algorithms.slam._kernels.gauss_newton import (
     LEAST_INFORMATION,
     SQUARED_SCALE,
+    in_map_axes,
     sqrt_robust_weight,
 )
 
@@ -29,7 +30,8 @@ class OdometrySteps(NamedTuple):
 
     Attributes:
         counted: shape (m - 1, 3), in the robot's frame at the former.
-        information: shape (m - 1, 2), on position and heading: m^-2, rad^-2; 0 if not known.
+        information: shape (m - 1, 3), ahead, to the left and on the heading, seen from the former:
+            m^-2, rad^-2; 0 if not known.
     """
 
     counted: NDArray[np.float64]
@@ -101,31 +103,34 @@ def add_odometry(
 ) -> None:
     """Add what odometry says, position and heading of each step with a robust weight.
 
-    The residual of a step is the pose that odometry counts from the former scan on, (a, b) off it
-    in the map's axes, less the pose of the latter. Its Jacobians by the latter and the former are
+    The residual of a step is the pose that odometry counts from the former scan on, less that of
+    the latter, which is (a, b) off the former, all in the map's axes; but its weight turns with the
+    former. So its Jacobians by the latter and the former are
 
         [-1   0   0]   [1   0  -b]
         [ 0  -1   0]   [0   1   a]
         [ 0   0  -1]   [0   0   1]
     """
-    for k in range(len(odometry.counted)):
-        x, y = odometry.counted[k, 0], odometry.counted[k, 1]
+    counted, information = odometry.counted, odometry.information
+    for k in range(len(counted)):
+        x, y = counted[k, 0], counted[k, 1]
         c, s = cos(poses[k, 2]), sin(poses[k, 2])
-        a, b = c * x - s * y, s * x + c * y
-        ex = poses[k + 1, 0] - poses[k, 0] - a
-        ey = poses[k + 1, 1] - poses[k, 1] - b
-        et = poses[k + 1, 2] - poses[k, 2] - odometry.counted[k, 2]
-        xy, tt = odometry.information[k, 0], odometry.information[k, 1]
-        root_xy = sqrt_robust_weight(xy * (ex * ex + ey * ey), SQUARED_SCALE)
+        a, b = poses[k + 1, 0] - poses[k, 0], poses[k + 1, 1] - poses[k, 1]
+        ex, ey = a - (c * x - s * y), b - (s * x + c * y)
+        et = poses[k + 1, 2] - poses[k, 2] - counted[k, 2]
+        position, tt = (information[k, 0], information[k, 1]), information[k, 2]
+        xx, xy, yy = in_map_axes(position, (ex, ey), poses[k, 2], SQUARED_SCALE)
         root_tt = sqrt_robust_weight(tt * et * et, SQUARED_SCALE)
-        xy, tt = xy * root_xy * root_xy, tt * root_tt * root_tt
-        former = Symmetric(xy, 0.0, -xy * b, xy, xy * a, xy * (a * a + b * b) + tt)
-        latter = Symmetric(xy, 0.0, 0.0, xy, 0.0, tt)
-        add_pose(equations, k, former, (xy * ex, xy * ey, tt * et + xy * (a * ey - b * ex)), 1.0)
-        add_pose(equations, k + 1, latter, (-xy * ex, -xy * ey, -tt * et), 1.0)
+        tt *= root_tt * root_tt
+        gx, gy = xx * ex + xy * ey, xy * ex + yy * ey
+        tx, ty = xy * a - xx * b, yy * a - xy * b
+        former = Symmetric(xx, xy, tx, yy, ty, a * ty - b * tx + tt)
+        latter = Symmetric(xx, xy, 0.0, yy, 0.0, tt)
+        add_pose(equations, k, former, (gx, gy, tt * et + a * gy - b * gx), 1.0)
+        add_pose(equations, k + 1, latter, (-gx, -gy, -tt * et), 1.0)
         add_pair(equations.matrix, k, latter, -1.0)
-        equations.matrix[3 * k + 2, 1] += xy * b
-        equations.matrix[3 * k + 2, 2] -= xy * a
+        equations.matrix[3 * k + 2, 1] -= tx
+        equations.matrix[3 * k + 2, 2] -= ty
 
 
 @kernel

@@ -51,7 +51,7 @@ def fit(
 ) -> tuple[Floats, Floats, int]:
     """Pose, normal matrix and number of correspondences, without odometry."""
     x, y, theta = start.tolist()
-    correspondences, nothing = np.empty(len(points), np.int64), (0.0, 0.0, 9.0)
+    correspondences, nothing = np.empty(len(points), np.int64), (0.0, 0.0, 0.0, 9.0)
     pose, upper, matched = icp.fit_scan(
         table, points, correspondences, (x, y, theta), (0.0, 0.0, 0.0), nothing, variance
     )

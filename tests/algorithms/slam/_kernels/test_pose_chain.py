@@ -39,7 +39,7 @@ def numeric(cost, poses: np.ndarray) -> np.ndarray:  # type: ignore[no-untyped-d
 
 def test_odometry_pulls_down_its_cost() -> None:
     counted = np.array([[0.19, 0.02, 0.1], [0.22, -0.01, -0.1], [0.2, 0.0, 0.0]])
-    information = np.full((3, 2), 4.0)  # weak, so that the robust weight hardly matters
+    information = np.tile([4.0, 20.0, 4.0], (3, 1))  # weak, so that robust weights hardly matter
     steps = OdometrySteps(counted, information)
 
     def cost(poses: np.ndarray) -> float:
@@ -47,8 +47,10 @@ def test_odometry_pulls_down_its_cost() -> None:
         for k in range(3):
             x, y, theta = counted[k]
             cos, sin = math.cos(poses[k, 2]), math.sin(poses[k, 2])
-            off = poses[k + 1] - poses[k] - (cos * x - sin * y, sin * x + cos * y, theta)
-            for square in (4 * (off[0] ** 2 + off[1] ** 2), 4 * off[2] ** 2):
+            moved = poses[k + 1] - poses[k]
+            ahead, left = cos * moved[0] + sin * moved[1], cos * moved[1] - sin * moved[0]
+            squares = information[k] * np.array([ahead - x, left - y, moved[2] - theta]) ** 2
+            for square in (squares[0] + squares[1], squares[2]):
                 total += 9 * square / (9 + square)
         return total
 
