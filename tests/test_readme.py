@@ -98,7 +98,7 @@ def test_there_are_commands() -> None:
     lines = [line for block in CONSOLE.findall(README) for line in commands(block)]
     assert len([line for line in lines if runnable(line)]) > 8
     assert lines[0].endswith("mapcli slam-replay fixtures/apartment.mcap")
-    assert lines[1].endswith(".venv/bin/pytest")
+    assert lines[1].endswith(".venv/bin/pytest -n auto")
 
 
 def in_the_text() -> Iterator[list[str]]:
