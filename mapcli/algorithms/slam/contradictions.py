@@ -88,7 +88,8 @@ class SampledScan:
 
 
 class ScanSample:
-    """Scans spread evenly over the way (stateful: `add` takes or leaves each scan of a log).
+    """Scans spread evenly over the way (stateful: `add` takes or leaves each scan of a log;
+    `is_next`, and `take` if so, do the same where a perception is to be made only if need be).
 
     Attributes:
         scans: in time order, at most `MOST_SCANS`.
@@ -102,17 +103,24 @@ class ScanSample:
 
     def add(self, pose: Pose2D, perception: Perception) -> None:
         """The next scan, with its pose as tracked."""
-        number, self._count = self._count, self._count + 1
+        if self.is_next(pose):
+            self.take(perception)
+
+    def is_next(self, pose: Pose2D) -> bool:
+        """Whether the next scan is one of the sample, by its pose as tracked."""
+        self._count += 1
         if self._last is not None:
             turn = abs(self._last.between(pose).theta)
             self._way += self._last.distance(pose) + TURN_M * turn
         self._last = pose
-        if self._way < self._next:
-            return
+        return self._way >= self._next
+
+    def take(self, perception: Perception) -> None:
+        """Have the last scan in the sample."""
         self._next = self._way + self._step
         away = np.hypot(*(perception.hits - perception.laser).T)
         ends = voxel_filtered(perception.hits[away < REACH_M], CELL_M).astype(np.float32)
-        self.scans.append(SampledScan(number, ends, perception.laser))
+        self.scans.append(SampledScan(self._count - 1, ends, perception.laser))
         if len(self.scans) > MOST_SCANS:
             del self.scans[1::2]
             self._step *= 2

@@ -90,7 +90,7 @@ class ReplayRun:
         kept: the scans whose numbers are in `keep`.
         mount: whether the laser sits where the log says.
         sweeps: when the beams of a scan are taken, where the log does not tell.
-        most_hits: beams of a scan that hit something, at most.
+        most_hits: beams of a scan that hit something, at most, where scans are matched.
     """
 
     def __init__(self, slam: Slam, keep: Container[int] = ()) -> None:
@@ -120,8 +120,10 @@ class ReplayRun:
             pose = self.slam.step(scan, odom)
             self._correct_last_poses(self.slam.faults.past_poses)
             self.poses.append(pose)
-            self.most_hits = max(self.most_hits, len(self.slam.perception.hits))
-            self._sample.add(self.poses[-1].pose, self.slam.perception)
+            if self.slam.parameters.match.search != "none":
+                self.most_hits = max(self.most_hits, len(self.slam.perception.hits))
+            if self._sample.is_next(self.poses[-1].pose):
+                self._sample.take(self.slam.perception)
             yield self.poses[-1]
 
     def _correct_last_poses(self, poses: Sequence[Pose2D]) -> None:

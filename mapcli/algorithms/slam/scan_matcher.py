@@ -110,10 +110,12 @@ def match_scan(
         predicted: the robot's pose by odometry; uncertainty: how far off it may be.
         history: what is known from the scans before.
     """
+    if parameters.search == "none":
+        return Match(predicted, 0.0, 0, found=False)
     if parameters.search == "book":
         return best_of_fifteen(grid, perception, predicted, parameters)
     scan = ScanInMap(grid, perception, parameters)
-    if parameters.search == "none" or not scan.has_enough_points:
+    if not scan.has_enough_points:
         return Match(predicted, 0.0, 0, found=False)
     history = history or MatchHistory()
     return _WindowMatcher(scan, predicted, uncertainty, parameters, history).match()

@@ -74,8 +74,7 @@ class Slam:
         lost: what is known of the pose where the map does not tell it.
         known_map_fit: how well the scans fit the map that there was.
         trajectory: all poses until now, and the keyframes, for the back end.
-        perception: p, of the last scan; book_search: how it was compared, if that was as the book
-            does.
+        book_search: how the last scan was compared, if that was as the book does.
     """
 
     def __init__(
@@ -97,7 +96,7 @@ class Slam:
         self._detects_faults = p.detect_odometry_faults and p.match.search == "window"
         self.sweep_motion = SweepMotionFilter()
         self.trajectory = TrackedTrajectory()
-        self.perception = NOTHING_SEEN
+        self._seen: RangeScan | Perception = NOTHING_SEEN  # in the last scan
         self.book_search: BookSearch | None = None
         self.lost = LostTrack(p.odometry)
         self._short_distance = short_distance(p.match, self.map.parameters.resolution)
@@ -107,6 +106,13 @@ class Slam:
     def map(self) -> OccupancyGrid:
         """m, the current map."""
         return self.local_map.grid
+
+    @property
+    def perception(self) -> Perception:
+        """p, of the last scan; if nothing has asked for it yet, it is analyzed now."""
+        if isinstance(self._seen, RangeScan):
+            self._seen = self._perceive(self._seen)
+        return self._seen
 
     def replay(self, records: Iterable[Record]) -> Iterator[TracedPose]:
         """Every scan of a log with the pose it was taken at, in time order."""
@@ -121,12 +127,16 @@ class Slam:
         counted = self.odometry.motion(scan.stamp_ns, odom)  # 2: the robot has moved a little
         motion = self.faults.motion(scan.stamp_ns, counted)
         n = c.compose(motion or Pose2D())  # 3: new position based on odometry
-        p = self._perceive(scan)  # 4: analyze sensor data
+        is_matched = self.is_continued or self.parameters.is_matched(scan)
+        is_used = is_matched or self.local_map.is_due(n, scan.mount)
+        p = self._perceive(scan) if is_used else NOTHING_SEEN  # 4: analyze sensor data
         is_moved = self._short_distance.is_moved(motion, scan.mount) or bool(p.readings)
         b = Match(n, 0.0, 0, found=False)
         if not self._is_localized:
             b = self._localize_globally(p)
-        elif is_moved and self._is_known_from(scan.mount):  # 5-8: the best test position around n
+        elif (
+            is_moved and self._is_known_from(scan.mount) and is_matched
+        ):  # 5-8: the best pose near n
             uncertainty = self.odometry.uncertainty(motion)
             uncertainty = replace(uncertainty, since_known=self.lost.deviations)
             self._history = self._history.moved(motion)
@@ -144,7 +154,7 @@ class Slam:
         self._record(scan, odom, p, motion, b, in_map=in_map)
         if in_map:
             self.lost.begin_anew()
-        self.perception, self.book_search = p, b.search
+        self._seen, self.book_search = p if is_used else scan, b.search
         self.pose, self._has_begun = n, True  # 11: current position is new position
         status: Status = "first" if first else "matched" if b.found else "odometry"
         score = b.score if b.found else None
@@ -200,10 +210,8 @@ class Slam:
         self._is_localized = match.found
         self._global_scans += len(perception.hits) >= self.parameters.match.min_hits
         if not match.found and self._global_scans == MOST_GLOBAL_SCANS:
-            raise DataError(
-                f"{MOST_GLOBAL_SCANS} scans are found nowhere in the known map",
-                expected=EXPECTED,
-            )
+            problem = f"{MOST_GLOBAL_SCANS} scans are found nowhere in the known map"
+            raise DataError(problem, expected=EXPECTED)
         return match
 
     def check_known_map(self) -> None:

@@ -10,6 +10,8 @@ from mapcli.algorithms.slam.loop_closure import LoopParameters
 from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.match import MatchParameters
 from mapcli.algorithms.slam.motion_model import MotionModel
+from mapcli.model.range_reading import GatheredScan
+from mapcli.model.scan import RangeScan
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,12 @@ class SlamParameters:
         plain, match = self.without_loops(), replace(self.match, search="book")
         local_map = replace(plain.local_map, update_m=0.0, update_deg=0.0)
         return replace(plain, local_map=local_map, match=match, detect_odometry_faults=False)
+
+    def is_matched(self, scan: RangeScan) -> bool:
+        """Whether a scan is to be compared with the map, or with other scans. Otherwise odometry
+        alone tells its pose, and it need not be analyzed unless it is written into the map."""
+        is_searched = self.match.search != "none" or self.loops is not None
+        return is_searched or scan.first_ns < scan.last_ns or isinstance(scan, GatheredScan)
 
     def without_loops(self) -> SlamParameters:
         """A map that never forgets, and no loop closure."""

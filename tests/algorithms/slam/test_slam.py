@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mapcli.algorithms.scans.perception import PerceptionParameters
+from mapcli.algorithms.scans.perception import Perception, PerceptionParameters, perceive
 from mapcli.algorithms.scans.ray_casting import cast, edges_of
 from mapcli.algorithms.slam import occupancy_grid as occupancy
 from mapcli.algorithms.slam.local_map import LocalMapParameters
@@ -151,6 +151,24 @@ def test_the_map_is_the_room() -> None:
     open_floor = np.hypot(x - 0.015, y - 1.685) > 0.7
     rows, columns = grid.cells_of_world(np.column_stack([x, y])[open_floor]).T
     assert (grid.cells[rows, columns] <= 0.196).mean() > 0.95
+
+
+def test_none_analyzes_what_is_written_and_what_is_asked_for(monkeypatch) -> None:
+    """Every second scan is a tenth of a metre from the one before, too near to be written."""
+    seen: list[int] = []
+
+    def noting(scan: RangeScan, parameters: PerceptionParameters) -> Perception:
+        seen.append(scan.stamp_ns // PERIOD_NS)
+        return perceive(scan, parameters)
+
+    monkeypatch.setattr("mapcli.algorithms.slam.slam.perceive", noting)
+    poses = [Pose2D(0.4 * (k // 2) + 0.1 * (k % 2)) for k in range(8)]
+    slam = Slam(searching("none").without_loops())
+    for _ in slam.replay(log_of(poses, poses)):
+        pass
+    assert seen == [0, 2, 4, 6]
+    assert len(slam.perception.hits) == BEAMS
+    assert seen == [0, 2, 4, 6, 7]
 
 
 def test_none_takes_the_odometry_as_it_is() -> None:
