@@ -104,10 +104,11 @@ OPTIONS = (
     ),
     click.option(
         "--time-source",
-        type=click.Choice(("header", "log")),
+        type=click.Choice(("auto", "header", "log")),
         default=DEFAULTS.time_source,
         show_default=True,
-        help="Use the stamps in the messages, or the times they were recorded at.",
+        help="Use the stamps in the messages, or the times of their recording; auto: the stamps, "
+        "unless they evidently do not tell the time.",
     ),
     click.option(
         "--range-unit",

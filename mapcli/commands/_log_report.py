@@ -9,6 +9,7 @@ from typing import Any
 
 from mapcli.algorithms.evaluation.log_check import LogCheck, Timing, check_log
 from mapcli.algorithms.evaluation.log_reasons import log_reasons
+from mapcli.commands._clock_report import reasons_of_clocks
 from mapcli.commands._sensor_report import sensor_document, sensor_line
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.documents.json_document import document
@@ -19,9 +20,6 @@ from mapcli.model.range_reading import RangeReading
 from mapcli.model.reason import Reason
 from mapcli.model.scan import Mount, RangeScan, Record
 from mapcli.model.sweep_summary import LOOKS_TURNING, beams_text
-
-DELAY_S = 1.0
-"""Scans and odometry recorded with delays that differ by more than this have other clocks."""
 
 STILL_M, STILL_DEG, STILL_RECORDS = 0.01, 1.0, 10
 """A robot that moves and turns less over so many records of odometry stands."""
@@ -71,6 +69,7 @@ def describe(log: Log) -> dict[str, Any]:
         "delays_s": {
             name: round(delay.mean_s, 6) for name, delay in log.delays.items() if delay.count
         },
+        "clock": log.clock.document(),
         "damage": dict(log.damage.counts),
         "notes": list(log.notes),
         "reasons": [reason.document() for reason in _reasons(log, check) if used],
@@ -81,7 +80,10 @@ def describe(log: Log) -> dict[str, Any]:
 def _reasons(log: Log, check: LogCheck) -> tuple[Reason, ...]:
     """What the log is described wrongly in."""
     duration_s = (check.scans.last_ns - check.scans.first_ns) * 1e-9
-    return log_reasons(log.units, check.mount, duration_s)
+    return (
+        *log_reasons(log.units, check.mount, duration_s),
+        *reasons_of_clocks(log, duration_s),
+    )
 
 
 def _noting_mounts(records: Iterable[Record], mounts: dict[Mount, None]) -> Iterator[Record]:
@@ -170,22 +172,11 @@ def _warnings(log: Log, check: LogCheck) -> Iterator[str]:
         yield counted(check.scans.same_stamps, "scans with the stamp of the one before")
     if check.repeated_scans:
         yield counted(check.repeated_scans, "scans with the very ranges of the one before")
-    yield from _clock_warnings(log, check)
-    yield from _odometry_warnings(check)
-
-
-def _clock_warnings(log: Log, check: LogCheck) -> Iterator[str]:
     if check.scans_outside_odometry:
         yield counted(
             check.scans_outside_odometry, "scans before the first or after the last odometry"
         )
-    scan = log.delays.get(next(iter(log.scan_topics), ""))
-    odom = log.delays.get(log.odom_topic or "")
-    if scan and odom and scan.count and odom.count and abs(scan.mean_s - odom.mean_s) > DELAY_S:
-        yield (
-            f"scans were recorded {scan.mean_s:.1f} s after their stamps, odometry "
-            f"{odom.mean_s:.1f} s: their clocks differ; try --time-source log"
-        )
+    yield from _odometry_warnings(check)
 
 
 def _odometry_warnings(check: LogCheck) -> Iterator[str]:

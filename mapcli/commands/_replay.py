@@ -11,6 +11,7 @@ from mapcli.algorithms.evaluation.log_reasons import log_reasons
 from mapcli.algorithms.slam.replay import Replayed, ReplayRun
 from mapcli.algorithms.slam.slam import Slam
 from mapcli.algorithms.slam.verdict import verdict_of
+from mapcli.commands._clock_report import reasons_of_clocks
 from mapcli.commands._log_options import LogInput
 from mapcli.commands._output import progress, progress_of_steps
 from mapcli.commands._say import say, warn
@@ -59,13 +60,18 @@ def replay_log(
         raise
     replayed = run.result(log.damage)
     summary = replayed.summary
-    told = log_reasons(log.units, run.mount.finding(), summary.duration_s)
+    told = (
+        *log_reasons(log.units, run.mount.finding(), summary.duration_s),
+        *reasons_of_clocks(log, summary.duration_s),
+    )
     reasons = (*told, *summary.reasons)
     if any(reason.kind in WRONG_THROUGHOUT for reason in told):  # not the wheels have failed
         reasons = tuple(reason for reason in reasons if reason.kind != "wheels_failed")
     _warn(log, reasons, warned)
     seconds = time.perf_counter() - started
-    summary = replace(summary, verdict=verdict_of(reasons), reasons=reasons, seconds=seconds)
+    summary = replace(
+        summary, verdict=verdict_of(reasons), reasons=reasons, clock=log.clock, seconds=seconds
+    )
     return replace(replayed, summary=summary), run
 
 

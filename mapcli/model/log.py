@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from mapcli.errors import FormatError
 from mapcli.model.counting import counted
 from mapcli.model.scan import Mount, Record
 from mapcli.model.sweep import BeamOrder, ScanStamp
@@ -57,7 +58,8 @@ class LogOptions:
         cloud_height: metres above the sensor of a cloud between which its points count.
         sensors: (topic, mount) of range sensors, instead of what the log tells.
         sensors_file: YAML that says where the sensors of a CSV log sit; None looks beside it.
-        time_source: `header` uses the stamp inside a message, `log` the time it was recorded at.
+        time_source: `header` uses the stamp inside a message, `log` the time it was recorded at;
+            `auto` stamps, unless they are evidently worse.
         strict: refuse a damaged log instead of using what can be read.
         range_unit, angle_unit: of the readings and the angles of scans.
         one_recording: read what seems to be several recordings as one, instead of refusing it.
@@ -72,7 +74,7 @@ class LogOptions:
     cloud_height: tuple[float, float] = (-0.1, 0.1)
     sensors: tuple[tuple[str, Mount], ...] = ()
     sensors_file: str | None = None
-    time_source: Literal["header", "log"] = "header"
+    time_source: Literal["auto", "header", "log"] = "auto"
     strict: bool = False
     one_recording: bool = False
     range_unit: Literal["m", "cm", "mm"] = "m"
@@ -181,6 +183,18 @@ class Damage:
         return f" ({'first: ' if times > 1 else ''}{self.first[what]})"
 
 
+class StrictDamage(Damage):
+    """Refuses the first damage instead of counting it (`--strict`)."""
+
+    def add(
+        self, what: str, times: int = 1, *, file: str | None = None, where: str | None = None
+    ) -> None:
+        if times:
+            raise FormatError(
+                counted(times, what), file=file, where=where, expected="an undamaged log (--strict)"
+            )
+
+
 @dataclass
 class BeamCounts:
     """What became of the beams of the scans read so far (mutable; REP 117's kinds).
@@ -258,25 +272,3 @@ class UnitCounts:
     middle: float = 0.0
     turning: int = 0
     turns: float = 0.0
-
-
-@dataclass
-class Delay:
-    """How much later than stamped messages were recorded, nanoseconds (mutable)."""
-
-    count: int = 0
-    total_ns: int = 0
-    least_ns: int = 0
-    most_ns: int = 0
-
-    def add(self, delay_ns: int) -> None:
-        if delay_ns < self.least_ns or not self.count:
-            self.least_ns = delay_ns
-        if delay_ns > self.most_ns or not self.count:
-            self.most_ns = delay_ns
-        self.count += 1
-        self.total_ns += delay_ns
-
-    @property
-    def mean_s(self) -> float:
-        return self.total_ns / max(self.count, 1) * 1e-9

@@ -15,6 +15,7 @@ ReasonKind = Literal[
     "laser_turned",
     "range_unit",
     "angle_unit",
+    "clocks_differ",
     "odometry_wrong",
     "known_map",
     "walls_twice",
@@ -27,7 +28,8 @@ ReasonKind = Literal[
 ]
 """`laser_mirrored`: scans turn the other way than the wheels; `laser_turned`: the laser looks
 elsewhere than the log says, backwards above all; `range_unit`, `angle_unit`: readings are no
-metres, angles are no radians; `odometry_wrong`: odometry is no metres or no radians, or turns the
+metres, angles are no radians; `clocks_differ`: the stamps of the scans and those of the odometry
+are not of one clock; `odometry_wrong`: odometry is no metres or no radians, or turns the
 other way, throughout; `known_map`: the map that was gone on from is of another place, or the robot
 started elsewhere in it; `walls_twice`: places passed twice do not meet; `torn`: scans that those
 taken just before and after contradict; `unjoined`: the robot was lost or carried, and came to no
@@ -36,7 +38,9 @@ how far the robot had come, along corridors above all; `unconfirmed`: a long way
 was seen on another visit; `wheels_failed`: odometry counted something else than the robot did for
 a while, which the map was made without."""
 
-DESCRIPTIONS = frozenset[ReasonKind](("laser_mirrored", "laser_turned", "range_unit", "angle_unit"))
+DESCRIPTIONS = frozenset[ReasonKind](
+    ("laser_mirrored", "laser_turned", "range_unit", "angle_unit", "clocks_differ")
+)
 """Those that are faults of how the log is described, and are mended by an option."""
 
 MAP_REASONS = frozenset[ReasonKind](

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from mapcli.model.clock import Clock
 from mapcli.model.limit import limit_fields
 from mapcli.model.loop_check import LoopCheck
 from mapcli.model.reason import VERDICTS, Reason, Verdict
@@ -34,6 +35,7 @@ class ReplaySummary:
             how many it held.
         interrupted: the replay was stopped early; the result is of the part before.
         verdict: may the map be trusted; reasons: why not, and when.
+        clock: which times of the log were taken; None where there is no other than the stamps.
         loop_check: what loops were worth; None if none was found.
         unjoined: pieces of the drive, or drives, of which nobody knows how they lie to the first.
         sweep: of scans whose beams were taken one after another; None if all were taken at once.
@@ -60,6 +62,7 @@ class ReplaySummary:
     sweep: SweepSummary | None = None
     loop_check: LoopCheck | None = None
     unjoined: int = 0
+    clock: Clock | None = None
     seconds: float = field(default=0.0)
 
     @property
@@ -91,6 +94,7 @@ class ReplaySummary:
             "odometry_faults": self.odometry_faults,
             "odometry_catch_ups": self.odometry_catch_ups,
             **({} if self.sweep is None else {"sweep": self.sweep.document()}),
+            **({"clock": self.clock.document()} if self.clock and self.clock.why else {}),
             "damage": dict(self.damage),
             "interrupted": self.interrupted,
             "verdict": self.verdict,

@@ -178,7 +178,7 @@ def test_help_has_an_example(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("--help") == 0
     text = capsys.readouterr().out
     assert "mapcli import intel.log.gz intel.mcap" in text
-    assert "[default: header]" in text
+    assert "[default: auto]" in text
 
 
 # Real logs

@@ -154,7 +154,7 @@ def test_as_json(good: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_odd_things_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    messages = [odom(t / 10, log=t / 10 + 5) for t in range(1, 100)]
+    messages = [odom(t / 10, log=t / 10) for t in range(1, 100)]
     messages += [scan(t / 10, log=t / 10) for t in range(2, 100) if not 30 < t < 60]
     messages += [scan(9.9, log=9.95), odom(9.91, 50, log=15), scan(20, log=20), scan(19, log=21)]
     data = mcap_bytes(*messages)
@@ -169,11 +169,35 @@ def test_odd_things_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         "1 scan with the stamp of the one before",
         "71 scans with the very ranges of the one before",
         "2 scans before the first or after the last odometry",
-        "scans were recorded 0.0 s after their stamps, odometry 5.0 s: their clocks differ; "
-        "try --time-source log",
         "1 jump of the odometry, the first at 9.8 s",
         "the odometry never moves",
     ]
+
+
+def test_clocks_that_differ_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Those of the recording are taken."""
+    messages = [odom(t / 10, t, log=t / 10 + 5) for t in range(100)]
+    path = mcap_file(tmp_path, *messages, *(scan(t / 10, log=t / 10) for t in range(100)))
+    assert info(path, "--json", "-") == 0
+    document = json.loads(capsys.readouterr().out)
+    why = "stamps of /odom and /scan are 5.0 s apart"
+    assert document["clock"] == {"source": "log", "why": why}
+    assert f"{why}: times of recording are used" in document["notes"]
+    assert document["delays_s"] == {"/odom": 5.0, "/scan": 0.0}
+    assert document["reasons"] == []
+
+
+def test_clocks_that_drift_apart_are_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each message by less than shows; the other clock is taken on demand."""
+    messages = [odom(t / 10, t / 10, log=t / 10 * 1.02) for t in range(3000)]
+    path = mcap_file(tmp_path, *messages, *(scan(t / 10, log=t / 10) for t in range(3000)))
+    assert info(path, "--json", "-") == 0
+    (reason,) = json.loads(capsys.readouterr().out)["reasons"]
+    assert (reason["kind"], reason["try"]) == ("clocks_differ", "--time-source log")
+    told = "scans were recorded 0.0 s after their stamps, odometry 3.0 s: their clocks differ"
+    assert reason["text"] == told
 
 
 def test_a_log_that_cannot_be_mapped_is_described(

@@ -6,9 +6,16 @@ import math
 from collections.abc import Iterator
 
 from mapcli.algorithms.scans.mount_check import MountFinding
+from mapcli.model.clock import ScansOutside
 from mapcli.model.log import UnitCounts
 from mapcli.model.reason import Reason
 from mapcli.model.scan import Mount
+
+DELAY_S = 1.0
+"""Scans and odometry recorded with delays that differ by more than this have other clocks."""
+
+OUTSIDE_SHARE = 0.5
+"""So many scans without odometry, where there is some, are more than it stopped early."""
 
 
 def log_reasons(
@@ -21,6 +28,33 @@ def log_reasons(
         duration_s: of the log, from its first to its last scan.
     """
     return (*_units(units, duration_s), *_mount(mount, duration_s))
+
+
+def clock_reasons(
+    recorded_after_s: tuple[float, float] | None, outside: ScansOutside, duration_s: float
+) -> Iterator[Reason]:
+    """Whether the stamps of scans and odometry are not of one clock.
+
+    Args:
+        recorded_after_s: how much later than their stamps scans and odometry were recorded.
+        duration_s: of the log, from its first to its last scan.
+    """
+    scans_s, odometry_s = recorded_after_s or (0.0, 0.0)
+    if abs(scans_s - odometry_s) > DELAY_S:
+        text = (
+            f"scans were recorded {scans_s:.1f} s after their stamps, odometry {odometry_s:.1f} s: "
+            "their clocks differ"
+        )
+        remedy = "--time-source log"
+    elif outside.share > OUTSIDE_SHARE:
+        text = (
+            f"{outside.share:.0%} of the scans are from before the first or after the last "
+            "odometry: their clocks differ, or the wheels were recorded for a part only"
+        )
+        remedy = ""
+    else:
+        return
+    yield Reason("clocks_differ", 0.0, duration_s, text, remedy, "doubtful")
 
 
 def _units(units: UnitCounts, duration_s: float) -> Iterator[Reason]:

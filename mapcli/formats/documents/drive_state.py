@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from mapcli.errors import FormatError
 from mapcli.formats.file_kind import STATE_PROFILE, Role, expecting
 from mapcli.formats.input import ReadBytes, read_file
+from mapcli.model.clock import Clock
 from mapcli.model.loop_check import LoopCheck
 from mapcli.model.pose import Pose2D
 from mapcli.model.reason import Reason
@@ -176,6 +177,7 @@ def _drive_of(content: Mapping[str, Any], scans: list[SavedScan], file: str) -> 
         raise FormatError(f"is of version {version}", file=file, expected=f"version {VERSION}")
     summary = dict(content["summary"])
     summary["reasons"] = tuple(Reason(**reason) for reason in summary["reasons"])
+    summary["clock"] = summary.get("clock") and Clock(**summary["clock"])
     if sweep := summary["sweep"]:
         crispness = sweep["crispness"] and Crispness(**sweep["crispness"])
         summary["sweep"] = SweepSummary(**{**sweep, "crispness": crispness})

@@ -5,7 +5,7 @@ odometry goes on from where it was, over a pause of any length too. Another reco
 odometry goes on from somewhere else, and one of these says that the wheels are not to blame:
 
 - nothing was recorded for a while before, neither odometry nor scans;
-- stamps go back;
+- stamps go back, or did before that was taken out;
 - another file begins;
 - odometry comes back to the old place and leaves it, again and again: two drives are interleaved.
 
@@ -58,6 +58,18 @@ INTERLEAVED_RETURNS = 10
 """Returns to an old place that tell two interleaved drives, `SAME_M` long at least."""
 
 
+class Place(NamedTuple):
+    """Of a record in the log.
+
+    Attributes:
+        part: number of its file.
+        steps: times that a clock was set before it, which was taken out of the stamps.
+    """
+
+    part: int = 0
+    steps: int = 0
+
+
 class Break(NamedTuple):
     """Where another recording begins.
 
@@ -82,19 +94,23 @@ class _Track:
     start: Pose2D
     pose: Pose2D
     stamp_ns: int
-    part: int
+    place: Place
     records: int = 1
 
     @classmethod
-    def of(cls, odometry: Odometry, part: int) -> _Track:
-        return cls(odometry.pose, odometry.pose, odometry.stamp_ns, part)
+    def of(cls, odometry: Odometry, place: Place) -> _Track:
+        return cls(odometry.pose, odometry.pose, odometry.stamp_ns, place)
 
-    def extend(self, odometry: Odometry, part: int) -> None:
-        self.pose, self.stamp_ns, self.part = odometry.pose, odometry.stamp_ns, part
+    def extend(self, odometry: Odometry, place: Place) -> None:
+        self.pose, self.stamp_ns, self.place = odometry.pose, odometry.stamp_ns, place
         self.records += 1
 
     def seconds_to(self, odometry: Odometry) -> float:
         return (odometry.stamp_ns - self.stamp_ns) / NANOSECONDS
+
+    def is_set_back(self, odometry: Odometry, place: Place) -> bool:
+        """Whether stamps went back, or a clock was set, since its last record."""
+        return self.seconds_to(odometry) < -SET_BACK_S or place.steps != self.place.steps
 
     def reaches(self, odometry: Odometry, speed: float) -> bool:
         """Whether a robot of a speed, metres per second, may have driven on so."""
@@ -147,18 +163,18 @@ class Continuity:
         self._scan_step_s, self._scans_since = 0.0, 0
         self._longest_m, self._speed, self._returns = 0.0, USUAL_M_S, 0
 
-    def watched(self, records: Iterable[Entry], part: Callable[[], int]) -> Iterator[Entry]:
+    def watched(self, records: Iterable[Entry], place: Callable[[], Place]) -> Iterator[Entry]:
         """The records.
 
         Args:
             records: in the order in which they were recorded.
-            part: tells the number of the file that the last record is from.
+            place: tells where the last record was.
         """
         for record in records:
             if isinstance(record, Odometry):
-                self._add_odometry(record, part())
+                self._add_odometry(record, place())
             elif isinstance(record, RangeScan):
-                self._add_scan(record.stamp_ns, part())
+                self._add_scan(record.stamp_ns, place().part)
             yield record
 
     def _add_scan(self, stamp_ns: int, part: int) -> None:
@@ -182,28 +198,28 @@ class Continuity:
             self.breaks.append(self._suspicion.found)
             self._suspicion = None
 
-    def _add_odometry(self, odometry: Odometry, part: int) -> None:
+    def _add_odometry(self, odometry: Odometry, place: Place) -> None:
         track, left = self._track, self._left
         if track is None:
-            self._track, self._suspicion = _Track.of(odometry, part), None
-        elif self._goes_on(track, odometry):
-            track.extend(odometry, part)
+            self._track, self._suspicion = _Track.of(odometry, place), None
+        elif self._goes_on(track, odometry, place):
+            track.extend(odometry, place)
             if self._suspicion is None:
                 self._scan_step_s = 0.0
             elif track.records >= CONFIRMING_RECORDS and self._scans_since:
                 self._decide(self._suspicion)
-        elif left is not None and self._returns_to(left, odometry, track):
-            self._return(left, odometry, part)
+        elif left is not None and self._returns_to(left, odometry, place, track):
+            self._return(left, odometry, place)
         else:
-            self._leave(track, odometry, part)
+            self._leave(track, odometry, place)
         self._odometry.add(odometry.stamp_ns)
 
-    def _goes_on(self, track: _Track, odometry: Odometry) -> bool:
+    def _goes_on(self, track: _Track, odometry: Odometry, place: Place) -> bool:
         """Whether odometry goes on from where it was."""
         step_s, metres = track.seconds_to(odometry), track.pose.distance(odometry.pose)
         if _differs(track.pose, NEAR_ZERO) and not _differs(odometry.pose, AT_ZERO):
             return False
-        is_near, is_set_back = metres <= SAME_M, step_s < -SET_BACK_S
+        is_near, is_set_back = metres <= SAME_M, track.is_set_back(odometry, place)
         if not is_set_back and (step_s <= GAP_S or not self._odometry.is_gap(step_s)):
             if metres > self._longest_m and is_near:
                 self._longest_m = metres
@@ -214,35 +230,37 @@ class Continuity:
         is_short = not is_set_back and step_s <= LONG_GAP_S
         return is_near or (is_short and track.reaches(odometry, self._speed))
 
-    def _returns_to(self, left: _Track, odometry: Odometry, track: _Track) -> bool:
+    def _returns_to(self, left: _Track, odometry: Odometry, place: Place, track: _Track) -> bool:
         """Whether odometry goes on from the track before, after nonsense or interleaved."""
         if abs(left.seconds_to(odometry)) <= RECENT_S:
             return left.reaches(odometry, FASTEST_M_S)
-        return track.records < CONFIRMING_RECORDS and self._goes_on(left, odometry)
+        return track.records < CONFIRMING_RECORDS and self._goes_on(left, odometry, place)
 
-    def _return(self, left: _Track, odometry: Odometry, part: int) -> None:
+    def _return(self, left: _Track, odometry: Odometry, place: Place) -> None:
         """Go back to the track before; often enough, and it is another drive."""
         track = self._track
         assert track is not None
-        left.extend(odometry, part)
+        left.extend(odometry, place)
         self._track, self._left, self._suspicion = left, track, None
         self._returns += left.start.distance(left.pose) > SAME_M < track.start.distance(track.pose)
         if self._returns == INTERLEAVED_RETURNS:
             what = "odometry goes back and forth between two places, on from each of them"
-            parts = track.part, part
+            parts = track.place.part, place.part
             self.breaks.append(Break(what, track.stamp_ns, odometry.stamp_ns, parts, mixed=True))
 
-    def _leave(self, track: _Track, odometry: Odometry, part: int) -> None:
+    def _leave(self, track: _Track, odometry: Odometry, place: Place) -> None:
         """Begin a new track, and note what speaks for another recording."""
-        self._track, self._left = _Track.of(odometry, part), track
+        self._track, self._left = _Track.of(odometry, place), track
         self._returns = self._scans_since = 0
-        step_s, is_other_file = track.seconds_to(odometry), part != track.part
-        is_set_back, is_gap = step_s < -SET_BACK_S, self._odometry.is_gap(step_s)
+        step_s, is_other_file = track.seconds_to(odometry), place.part != track.place.part
+        is_set_back, is_gap = track.is_set_back(odometry, place), self._odometry.is_gap(step_s)
         if not (is_set_back or is_gap or is_other_file):
             self._suspicion = None
             return
         what = "odometry starts again" + (
             f", {duration(-step_s)} before the time it had reached"
+            if step_s < -SET_BACK_S
+            else " where a clock was set"
             if is_set_back
             else f" after nothing was recorded for {duration(step_s)}"
             if is_gap
@@ -250,7 +268,7 @@ class Continuity:
         )
         if _differs(odometry.pose, NEAR_ZERO):
             what += f", {track.pose.distance(odometry.pose):,.1f} m from where it was"
-        parts = track.part, part
+        parts = track.place.part, place.part
         found = Break(what, track.stamp_ns, odometry.stamp_ns, parts, mixed=is_set_back)
         self._suspicion = _Suspicion(found, is_gap and not is_other_file)
 

@@ -10,27 +10,27 @@ from pathlib import Path
 
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.logs.beam_times import with_beam_times
-from mapcli.formats.logs.continuity import Break, Continuity
+from mapcli.formats.logs.continuity import Break, Continuity, Place
 from mapcli.formats.logs.missed_scans import with_stamps
 from mapcli.formats.logs.mounts import rounded_mount
 from mapcli.formats.logs.no_return import NoReturnFilter
 from mapcli.formats.logs.one_recording import Part, Spans, refuse_breaks, refuse_overlap
 from mapcli.formats.logs.range_sensors import sensor_lines
-from mapcli.formats.logs.stamp_order import InStampOrder
+from mapcli.formats.logs.stamp_order import InStampOrder, plural_of
 from mapcli.formats.logs.topics import check_sensors, choose_odom_topic, choose_scan_topics
-from mapcli.model.counting import counted
+from mapcli.model.clock import Clock, Delay, ScansOutside
 from mapcli.model.log import (
     BeamCounts,
     Damage,
-    Delay,
     Entry,
     LogOptions,
     MissedScans,
     SensorCounts,
+    StrictDamage,
     Topic,
     UnitCounts,
 )
-from mapcli.model.scan import Odometry, RangeScan, Record
+from mapcli.model.scan import RangeScan, Record
 from mapcli.model.selection import select
 
 REORDER_RECORDS = 2000
@@ -52,18 +52,6 @@ class Source:
     keeps: object = None
 
 
-class StrictDamage(Damage):
-    """Refuses the first damage instead of counting it (`--strict`)."""
-
-    def add(
-        self, what: str, times: int = 1, *, file: str | None = None, where: str | None = None
-    ) -> None:
-        if times:
-            raise FormatError(
-                counted(times, what), file=file, where=where, expected="an undamaged log (--strict)"
-            )
-
-
 class Log(ABC):
     """A recording, open for reading. Records stream: the log is never held in memory as a whole.
 
@@ -79,6 +67,8 @@ class Log(ABC):
         disordered: scans and odometry records that came after one of a later stamp.
         unknown_mounts: topics of scans of which nothing tells where their laser sits.
         delays: topic -> how much later than stamped its messages were recorded.
+        clock: which times the records have.
+        outside: scans, of those asked for, that odometry says nothing about.
         part: number of the file of the last record, in the order of recording.
         scans_are: what scans look like in this format, for messages.
     """
@@ -95,6 +85,8 @@ class Log(ABC):
         self.sensors: dict[str, SensorCounts] = {}
         self.disordered, self.unknown_mounts = 0, set[str]()
         self.delays: dict[str, Delay] = {}
+        self.outside = ScansOutside()
+        self.clock = Clock()
         self.part, self._start_ns = 0, 0
         self._continuity = Continuity()
         self.laser_pose = options.laser_pose and rounded_mount(options.laser_pose)
@@ -210,12 +202,14 @@ class Log(ABC):
                 continue
             if isinstance(entry, RangeScan):
                 self.damage.scans_read += 1
+            self.outside.add(entry)
             yield entry
 
     def _all_records(self) -> Iterator[Entry]:
         self.damage.clear()
         self.beams, self.units = BeamCounts(), UnitCounts()
         self.disordered, self.delays, self.sensors = 0, {}, {}
+        self.clock, self.outside = self._clock(), ScansOutside()
         self.require_scan_topics()
         if self.find_odom_topic() is None:
             self.note("no odometry: poses come from matching scans alone")
@@ -223,7 +217,9 @@ class Log(ABC):
             parts = zip(self.sources, self._part_spans(), strict=True)
             refuse_overlap([Part(source.name, source.path, spans) for source, spans in parts])
         scans, self._start_ns, codes = 0, -1, NoReturnFilter()
-        watched = self._continuity.watched(with_stamps(self._records()), lambda: self.part)
+        watched = self._continuity.watched(
+            with_stamps(self._records()), lambda: Place(self.part, self.clock.steps)
+        )
         try:
             ordered = codes.records(self._in_stamp_order(watched), self.beams)
             for record in with_beam_times(ordered, self.options, self.note):
@@ -236,11 +232,17 @@ class Log(ABC):
         finally:
             for line in codes.lines():
                 self.note(f"{', '.join(self.scan_topics)}: {line}")
+            if self.clock.why:
+                self.note(self.clock.note())
             for line in sensor_lines(self.sensors.values()):
                 self.note(line)
         if not scans:
             reasons = f" ({'; '.join(self.damage.lines())})" if self.damage.counts else ""
             raise FormatError(f"not one scan can be read{reasons}", file=self.sources[0].name)
+
+    def _clock(self) -> Clock:
+        """Which times the records have, as far as that is known before they are read."""
+        return Clock("log" if self.options.time_source == "log" else "header")
 
     @abstractmethod
     def _part_spans(self) -> list[Spans]:
@@ -279,10 +281,10 @@ class Log(ABC):
             else:
                 latest[kind] = stamp
             if stamp < given:
-                what = f"{_plural(record)} with a stamp that jumps back, dropped"
+                what = f"{plural_of(record)} with a stamp that jumps back, dropped"
                 where = f"at {stamp * 1e-9:.3f} s"
                 missed = self._missed_scan(what, self.sources[0].name, where, stamp_ns=stamp)
-                if self.options.time_source == "header":
+                if self.clock.source == "header":
                     self.note("a clock was set back; --time-source log uses times of recording")
                 if isinstance(record, RangeScan):
                     yield missed
@@ -293,9 +295,3 @@ class Log(ABC):
                 given = ready.stamp_ns
                 yield ready
         yield from waiting
-
-
-def _plural(record: Record) -> str:
-    if isinstance(record, RangeScan):
-        return "scans"
-    return "odometry records" if isinstance(record, Odometry) else "poses"

@@ -6,11 +6,11 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from heapq import merge
 from operator import itemgetter
-from typing import Any
 
 from mapcli.errors import DataError
 from mapcli.formats.logs.log import Log, Source
 from mapcli.formats.logs.losses import LOST_SCANS
+from mapcli.formats.logs.message_clock import Decoded, MessageClocks
 from mapcli.formats.logs.message_file import MessageFile
 from mapcli.formats.logs.message_kinds import (
     decoder_of,
@@ -29,13 +29,10 @@ from mapcli.formats.logs.ros.segments import TurnAssembler
 from mapcli.formats.logs.stream_topics import topics_of
 from mapcli.formats.logs.topics import SCANS, choose_odom_topic, considered_scan_topics
 from mapcli.formats.logs.units import count_units, in_metres_and_radians
-from mapcli.model.log import Damage, Delay, Entry, LogOptions, MissedScans, Role, Topic
+from mapcli.model.log import Damage, Entry, LogOptions, MissedScans, Role, Topic
 from mapcli.model.scan import LATEST_STAMP_S, NANOSECONDS, Mount, Odometry, RangeScan
 
 TRANSFORMS: tuple[Role, Role] = "tf_static", "tf"
-
-Decoded = tuple[int, Topic, Any, int]
-"""Log time, topic, message or missed scans, number of the file."""
 
 Place = tuple[Topic, str, tuple[float, ...]]
 """Topic of scans, their frame, and where they say that they are in it."""
@@ -176,30 +173,24 @@ class MessageLog(Log):
                 self.note(f"{topic.name}: read as {topic.type}, as its content shows")
         odom = self.find_odom_topic()
         wanted = [*self.require_scan_topics(), *filter(None, [odom])]
-        self.delays = {topic.name: Delay() for topic in wanted}
+        clocks = MessageClocks(self.clock, self.options.time_source == "auto", wanted)
+        self.delays = clocks.delays
         for other in self._robots.others_odometry(wanted[0]) if not self.options.odom_topic else ():
             self.note(f"{other.name} is not used: it seems to be another robot's odometry")
         robot = self._known_robot(odom)
-        transforms = TfOdometry(robot) if odom and odom.role == "tf" else None
         mounts: dict[Place, Mount] = {}
         turns = defaultdict[Topic, TurnAssembler](TurnAssembler)
         sensors = RangeTopics(self, robot)
-        for log_time, topic, message, part in self._messages(wanted, self.damage):
+        for stamp, topic, message, part in clocks.timed(self._followed(wanted, robot)):
             self.part = part
             if isinstance(message, MissedScans):
                 yield message
                 continue
-            if transforms is not None and topic is odom:
-                message = transforms.follow(message)
-                if message is None:
-                    continue
-            stamp = self._stamp(message.stamp_ns, log_time, topic)
             if not 0 <= stamp < LATEST_STAMP_S * NANOSECONDS:
                 missed = self._impossible(stamp, topic)
                 if topic.role in SCANS:
                     yield missed
                 continue
-            self.delays[topic.name].add(log_time - stamp)
             if topic.role not in SCANS:
                 yield Odometry(stamp, message.pose)
                 continue
@@ -229,13 +220,15 @@ class MessageLog(Log):
             if assembler.segments > 1:
                 self.note(f"{topic.name}: {assembler.segments} messages make one turn")
 
-    def _stamp(self, stamp_ns: int, log_time_ns: int, topic: Topic) -> int:
-        """The stamp to use, nanoseconds, by `options.time_source`; it may be impossible."""
-        if self.options.time_source == "log":
-            return log_time_ns
-        if stamp_ns == 0 and log_time_ns:
-            self.note(f"{topic.name}: stamps of 0, the time of recording is used")
-        return stamp_ns or log_time_ns
+    def _followed(self, wanted: Sequence[Topic], robot: Robot) -> Iterator[Decoded]:
+        """The messages; of transforms, the robot's poses by odometry that they make."""
+        transforms = TfOdometry(robot) if any(topic.role == "tf" for topic in wanted) else None
+        for log_time, topic, message, part in self._messages(wanted, self.damage):
+            if transforms is not None and topic.role == "tf":
+                message = transforms.follow(message)
+                if message is None:
+                    continue
+            yield log_time, topic, message, part
 
     def _impossible(self, stamp_ns: int, topic: Topic) -> MissedScans:
         what = f"messages on {topic.name} with an impossible stamp, dropped"

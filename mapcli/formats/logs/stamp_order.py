@@ -7,6 +7,7 @@ from collections import deque
 from operator import attrgetter
 
 from mapcli.model.log import Entry
+from mapcli.model.scan import Odometry, RangeScan, Record
 
 
 class InStampOrder(deque[Entry]):
@@ -20,3 +21,10 @@ class InStampOrder(deque[Entry]):
 
 
 _stamp_ns = attrgetter("stamp_ns")
+
+
+def plural_of(record: Record) -> str:
+    """What such records are called."""
+    if isinstance(record, RangeScan):
+        return "scans"
+    return "odometry records" if isinstance(record, Odometry) else "poses"

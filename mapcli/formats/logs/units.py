@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.formats.logs.carmen_lines import LaserMessage
+from mapcli.formats.logs.carmen_messages import LaserMessage
 from mapcli.formats.logs.rep117 import single
 from mapcli.formats.logs.ros.decode import LaserScan
 from mapcli.model.log import LogOptions, UnitCounts

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapcli.formats.logs.continuity import Break, Continuity
+from mapcli.formats.logs.continuity import Break, Continuity, Place
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Odometry, RangeScan, Record
 
@@ -44,7 +44,7 @@ def moved(records: Iterable[Record], by: Pose2D) -> list[Record]:
 def breaks(records: Iterable[Record], second_file: int | None = None) -> list[Break]:
     continuity, numbers = Continuity(), itertools.count()
     parts = iter(0 if second_file is None or n < second_file else 1 for n in numbers)
-    for _ in continuity.watched(records, lambda: next(parts)):
+    for _ in continuity.watched(records, lambda: Place(next(parts))):
         pass
     return continuity.breaks
 

@@ -17,7 +17,8 @@ from mapcli.formats.logs.log import Log, Source, StrictDamage
 from mapcli.formats.logs.one_recording import Spans
 from mapcli.formats.logs.open_log import open_log
 from mapcli.formats.logs.rep117 import rep117, sensible_limits
-from mapcli.model.log import BeamCounts, Damage, Delay, LogOptions, MissedScans, Topic
+from mapcli.model.clock import Delay
+from mapcli.model.log import BeamCounts, Damage, LogOptions, MissedScans, Topic
 from mapcli.model.pose import Pose2D, rounded_angle, wrap_angle
 from mapcli.model.scan import Odometry, RangeScan, Record
 from mapcli.model.selection import select
