@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +14,11 @@ from conftest import SHARED, run
 from support.replaying import APARTMENT, CORRIDOR, files, replay, traced, write_log
 
 from mapcli import open_log
+from mapcli.formats.logs.continuity import Continuity
+from mapcli.formats.logs.odometry_track import Place
 from mapcli.model.log import LogOptions
-from mapcli.model.scan import Record
+from mapcli.model.pose import Pose2D
+from mapcli.model.scan import Odometry, RangeScan, Record
 
 DATASETS, CASES = SHARED / "datasets", SHARED / "cases" / "logs"
 
@@ -95,6 +99,50 @@ def test_import_refuses_too(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("import", CORRIDOR, second, "out.mcap") == 1
     assert "--one-recording" in capsys.readouterr().err
     assert run("import", CORRIDOR, second, "out.mcap", "--one-recording") == 0
+
+
+@pytest.mark.parametrize(
+    ("second", "gap", "found"),
+    [
+        (SECOND, 0.1, "odometry starts again, and the laser sees another place"),
+        (FIRST, 0.1, "odometry starts again, and the log from its start on"),
+        (FIRST, 5.0, "odometry starts again after nothing was recorded for 5.0 s"),
+    ],
+)
+def test_one_stream_with_two_drives_and_hardly_a_gap(
+    second: Sequence[Record], gap: float, found: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    both = write_log("both.mcap", [*FIRST, *after(second, gap)])
+    said = refusal(capsys, both)
+    assert f"after 10.0 s: {found}: another recording" in said
+    cut = re.search(r"with --end ([0-9.]+) and --start \1,", said)
+    assert cut
+    assert traced(*QUICK, both, "--end", cut[1])["summary"]["used"] == 50
+    used = len([record for record in second if isinstance(record, RangeScan)])
+    assert traced(*QUICK, both, "--start", cut[1])["summary"]["used"] == used
+
+
+@pytest.mark.parametrize("drive", [FIRST, SECOND], ids=["corridor", "apartment"])
+@pytest.mark.parametrize("part", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("late_s", [0.0, 2.0])
+def test_wheels_that_jump_are_one_recording(
+    drive: list[Record], part: float, late_s: float
+) -> None:
+    """Elsewhere all of a sudden, or after they told late what the robot did: the laser goes on."""
+    at = drive[int(part * len(drive))].stamp_ns
+    last = next(r.pose for r in drive if isinstance(r, Odometry) and r.stamp_ns >= at)
+    jump = Pose2D(20.0, -7.0, 2.0) if not late_s else Pose2D()
+
+    def told(record: Record) -> Record:
+        if not isinstance(record, Odometry) or record.stamp_ns < at:
+            return record
+        is_late = record.stamp_ns < at + late_s * S
+        return replace(record, pose=last if is_late else jump.compose(record.pose))
+
+    continuity = Continuity()
+    for _ in continuity.watched(map(told, drive), Place):
+        pass
+    assert continuity.breaks == []
 
 
 def test_two_files_hours_apart_in_either_order(capsys: pytest.CaptureFixture[str]) -> None:

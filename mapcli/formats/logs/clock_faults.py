@@ -16,7 +16,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from mapcli.formats.logs.continuity import SET_BACK_S, duration
+from mapcli.formats.logs.odometry_track import SET_BACK_S
+from mapcli.formats.logs.recording_break import duration
 from mapcli.model.clock import Clock
 from mapcli.model.scan import LATEST_STAMP_S
 

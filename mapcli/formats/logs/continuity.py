@@ -7,6 +7,8 @@ odometry goes on from somewhere else, and one of these says that the wheels are 
 - nothing was recorded for a while before, neither odometry nor scans;
 - stamps go back, or did before that was taken out;
 - another file begins;
+- the laser is elsewhere as well: the first scan after it does not lie on what the last one before
+  it saw, as it would if only the wheels had jumped, or it is the log's first scan once more;
 - odometry comes back to the old place and leaves it, again and again: two drives are interleaved.
 
 A single record may be nonsense, so odometry must have gone on from the new place for a while.
@@ -17,8 +19,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
 
+from mapcli.formats.logs.odometry_track import (
+    SAME_M,
+    SET_BACK_S,
+    SHORTEST_STEP_S,
+    OdometryTrack,
+    Place,
+    Seen,
+)
+from mapcli.formats.logs.recording_break import Break, Suspicion, duration
 from mapcli.model.log import Entry
 from mapcli.model.pose import Pose2D, wrap_angle
 from mapcli.model.scan import NANOSECONDS, Odometry, RangeScan
@@ -29,19 +39,9 @@ GAP_PERIODS, GAP_S = 5.0, 1.0
 LONG_GAP_S = 600.0
 """After so long, a robot that was driven meanwhile, unseen, is on another drive."""
 
-SET_BACK_S = 1.0
-"""Stamps go back when one is before the last one by more; less is disorder."""
-
 FASTEST_M_S, USUAL_M_S = 10.0, 5.0
 """No robot that maps floor plans is faster than the one. Any may have driven as fast as the other
 while nothing was recorded, or as fast as it was seen to."""
-
-SHORTEST_STEP_S = 0.1
-"""Stamps come in bursts; a step counts as at least this long."""
-
-SAME_M = 1.0
-"""Odometry goes on from where it was within this, whatever the time: robots are turned and pushed.
-It is also what the fastest one does in the shortest step."""
 
 AT_ZERO, NEAR_ZERO, AWAY = (1e-6, 1e-6), (0.1, math.radians(5)), (0.5, math.radians(20))
 """Metres and radians. Odometry restarts at zero, or near it when it was not recorded at once.
@@ -56,66 +56,6 @@ CONFIRMING_RECORDS = 10
 
 INTERLEAVED_RETURNS = 10
 """Returns to an old place that tell two interleaved drives, `SAME_M` long at least."""
-
-
-class Place(NamedTuple):
-    """Of a record in the log.
-
-    Attributes:
-        part: number of its file.
-        steps: times that a clock was set before it, which was taken out of the stamps.
-    """
-
-    part: int = 0
-    steps: int = 0
-
-
-class Break(NamedTuple):
-    """Where another recording begins.
-
-    Attributes:
-        what: was found, for a person.
-        before_ns, after_ns: stamps of the last record before it, and of its first.
-        parts: numbers of the files of these two.
-        mixed: its stamps are not all later than those before.
-    """
-
-    what: str
-    before_ns: int
-    after_ns: int
-    parts: tuple[int, int]
-    mixed: bool = False
-
-
-@dataclass
-class _Track:
-    """Odometry that goes on from where it was (mutable)."""
-
-    start: Pose2D
-    pose: Pose2D
-    stamp_ns: int
-    place: Place
-    records: int = 1
-
-    @classmethod
-    def of(cls, odometry: Odometry, place: Place) -> _Track:
-        return cls(odometry.pose, odometry.pose, odometry.stamp_ns, place)
-
-    def extend(self, odometry: Odometry, place: Place) -> None:
-        self.pose, self.stamp_ns, self.place = odometry.pose, odometry.stamp_ns, place
-        self.records += 1
-
-    def seconds_to(self, odometry: Odometry) -> float:
-        return (odometry.stamp_ns - self.stamp_ns) / NANOSECONDS
-
-    def is_set_back(self, odometry: Odometry, place: Place) -> bool:
-        """Whether stamps went back, or a clock was set, since its last record."""
-        return self.seconds_to(odometry) < -SET_BACK_S or place.steps != self.place.steps
-
-    def reaches(self, odometry: Odometry, speed: float) -> bool:
-        """Whether a robot of a speed, metres per second, may have driven on so."""
-        seconds = max(self.seconds_to(odometry), SHORTEST_STEP_S)
-        return self.pose.distance(odometry.pose) <= speed * seconds
 
 
 @dataclass
@@ -138,13 +78,6 @@ class _Times:
         return seconds > max(GAP_S, GAP_PERIODS * mean)
 
 
-class _Suspicion(NamedTuple):
-    """A break that is not certain yet; `needs_silence`: no scans may have been recorded either."""
-
-    found: Break
-    needs_silence: bool
-
-
 class Continuity:
     """Finds the breaks in a log while it is read (stateful).
 
@@ -156,9 +89,10 @@ class Continuity:
         self.breaks: list[Break] = []
         self._odometry, self._scans = _Times(), _Times()
         # The track that odometry is on, and the one that it left.
-        self._track: _Track | None = None
-        self._left: _Track | None = None
-        self._suspicion: _Suspicion | None = None
+        self._track: OdometryTrack | None = None
+        self._left: OdometryTrack | None = None
+        self._suspicion: Suspicion | None = None
+        self._first: Seen | None = None
         # Of the scans since odometry went on: the longest step, and how many after it left.
         self._scan_step_s, self._scans_since = 0.0, 0
         self._longest_m, self._speed, self._returns = 0.0, USUAL_M_S, 0
@@ -174,16 +108,19 @@ class Continuity:
             if isinstance(record, Odometry):
                 self._add_odometry(record, place())
             elif isinstance(record, RangeScan):
-                self._add_scan(record.stamp_ns, place().part)
+                self._add_scan(record, place().part)
             yield record
 
-    def _add_scan(self, stamp_ns: int, part: int) -> None:
-        times = self._scans
+    def _add_scan(self, scan: RangeScan, part: int) -> None:
+        times, stamp_ns = self._scans, scan.stamp_ns
         step_s = (stamp_ns - times.last_ns) / NANOSECONDS if times.count else 0.0
         self._scan_step_s = max(self._scan_step_s, step_s)
         self._scans_since += 1
         if self._track is None:
             self._watch_scans_alone(step_s, stamp_ns, part)
+        else:
+            self._track.add(scan)
+            self._first = self._first or self._track.first
         times.add(stamp_ns)
 
     def _watch_scans_alone(self, step_s: float, stamp_ns: int, part: int) -> None:
@@ -191,7 +128,7 @@ class Continuity:
         if step_s > LONG_GAP_S:
             what = f"nothing was recorded for {duration(step_s)}, and no odometry goes on over it"
             found = Break(what, self._scans.last_ns, stamp_ns, (part, part))
-            self._suspicion, self._scans_since = _Suspicion(found, needs_silence=True), 0
+            self._suspicion, self._scans_since = Suspicion(found, is_gap=True), 0
         elif step_s < -SET_BACK_S:
             self._suspicion = None  # the stamp before was nonsense
         elif self._suspicion and self._scans_since == CONFIRMING_RECORDS:
@@ -201,7 +138,7 @@ class Continuity:
     def _add_odometry(self, odometry: Odometry, place: Place) -> None:
         track, left = self._track, self._left
         if track is None:
-            self._track, self._suspicion = _Track.of(odometry, place), None
+            self._track, self._suspicion = OdometryTrack.of(odometry, place), None
         elif self._goes_on(track, odometry, place):
             track.extend(odometry, place)
             if self._suspicion is None:
@@ -214,7 +151,7 @@ class Continuity:
             self._leave(track, odometry, place)
         self._odometry.add(odometry.stamp_ns)
 
-    def _goes_on(self, track: _Track, odometry: Odometry, place: Place) -> bool:
+    def _goes_on(self, track: OdometryTrack, odometry: Odometry, place: Place) -> bool:
         """Whether odometry goes on from where it was."""
         step_s, metres = track.seconds_to(odometry), track.pose.distance(odometry.pose)
         if _differs(track.pose, NEAR_ZERO) and not _differs(odometry.pose, AT_ZERO):
@@ -230,13 +167,15 @@ class Continuity:
         is_short = not is_set_back and step_s <= LONG_GAP_S
         return is_near or (is_short and track.reaches(odometry, self._speed))
 
-    def _returns_to(self, left: _Track, odometry: Odometry, place: Place, track: _Track) -> bool:
+    def _returns_to(
+        self, left: OdometryTrack, odometry: Odometry, place: Place, track: OdometryTrack
+    ) -> bool:
         """Whether odometry goes on from the track before, after nonsense or interleaved."""
         if abs(left.seconds_to(odometry)) <= RECENT_S:
             return left.reaches(odometry, FASTEST_M_S)
         return track.records < CONFIRMING_RECORDS and self._goes_on(left, odometry, place)
 
-    def _return(self, left: _Track, odometry: Odometry, place: Place) -> None:
+    def _return(self, left: OdometryTrack, odometry: Odometry, place: Place) -> None:
         """Go back to the track before; often enough, and it is another drive."""
         track = self._track
         assert track is not None
@@ -248,15 +187,12 @@ class Continuity:
             parts = track.place.part, place.part
             self.breaks.append(Break(what, track.stamp_ns, odometry.stamp_ns, parts, mixed=True))
 
-    def _leave(self, track: _Track, odometry: Odometry, place: Place) -> None:
+    def _leave(self, track: OdometryTrack, odometry: Odometry, place: Place) -> None:
         """Begin a new track, and note what speaks for another recording."""
-        self._track, self._left = _Track.of(odometry, place), track
+        self._track, self._left = OdometryTrack.of(odometry, place), track
         self._returns = self._scans_since = 0
         step_s, is_other_file = track.seconds_to(odometry), place.part != track.place.part
         is_set_back, is_gap = track.is_set_back(odometry, place), self._odometry.is_gap(step_s)
-        if not (is_set_back or is_gap or is_other_file):
-            self._suspicion = None
-            return
         what = "odometry starts again" + (
             f", {duration(-step_s)} before the time it had reached"
             if step_s < -SET_BACK_S
@@ -270,11 +206,15 @@ class Continuity:
             what += f", {track.pose.distance(odometry.pose):,.1f} m from where it was"
         parts = track.place.part, place.part
         found = Break(what, track.stamp_ns, odometry.stamp_ns, parts, mixed=is_set_back)
-        self._suspicion = _Suspicion(found, is_gap and not is_other_file)
+        is_certain = is_set_back or is_other_file
+        self._suspicion = Suspicion(found, is_gap, is_certain, track, self._track)
 
-    def _decide(self, suspicion: _Suspicion) -> None:
-        if not suspicion.needs_silence or self._scans.is_gap(self._scan_step_s):
+    def _decide(self, suspicion: Suspicion) -> None:
+        is_silent = suspicion.is_gap and self._scans.is_gap(self._scan_step_s)
+        if suspicion.is_certain or is_silent:
             self.breaks.append(suspicion.found)
+        elif found := suspicion.by_scans(self._first):
+            self.breaks.append(found)
         self._suspicion = None
 
 
@@ -282,10 +222,3 @@ def _differs(pose: Pose2D, limits: tuple[float, float]) -> bool:
     """Whether a pose is farther from zero than so many metres or radians."""
     metres, radians = limits
     return math.hypot(pose.x, pose.y) > metres or abs(wrap_angle(pose.theta)) > radians
-
-
-def duration(seconds: float) -> str:
-    """For a person."""
-    if seconds >= 5400:
-        return f"{seconds / 3600:,.1f} h"
-    return f"{seconds / 60:.0f} min" if seconds >= 120 else f"{seconds:.1f} s"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.formats.logs.clock_faults import LEAP_AHEAD_S, Seconds, smoothed
-from mapcli.formats.logs.continuity import SET_BACK_S
+from mapcli.formats.logs.odometry_track import SET_BACK_S
 from mapcli.model.scan import NANOSECONDS
 
 PERIOD_S = 0.2

@@ -10,12 +10,14 @@ from pathlib import Path
 
 from mapcli.errors import DataError, FormatError
 from mapcli.formats.logs.beam_times import with_beam_times
-from mapcli.formats.logs.continuity import Break, Continuity, Place
+from mapcli.formats.logs.continuity import Continuity
 from mapcli.formats.logs.missed_scans import with_stamps
 from mapcli.formats.logs.mounts import rounded_mount
 from mapcli.formats.logs.no_return import NoReturnFilter
+from mapcli.formats.logs.odometry_track import Place
 from mapcli.formats.logs.one_recording import Part, Spans, refuse_breaks, refuse_overlap
 from mapcli.formats.logs.range_sensors import sensor_lines
+from mapcli.formats.logs.recording_break import Break
 from mapcli.formats.logs.stamp_order import InStampOrder, plural_of
 from mapcli.formats.logs.topics import check_sensors, choose_odom_topic, choose_scan_topics
 from mapcli.model.clock import Clock, Delay, ScansOutside

@@ -20,7 +20,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from mapcli.formats.logs.clock_faults import APART_S, FEWEST, REPEATED_SHARE
-from mapcli.formats.logs.continuity import SET_BACK_S, duration
+from mapcli.formats.logs.odometry_track import SET_BACK_S
+from mapcli.formats.logs.recording_break import duration
 from mapcli.model.clock import Clock, Delay
 from mapcli.model.log import MissedScans, Topic
 from mapcli.model.scan import LATEST_STAMP_S, NANOSECONDS

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import filecmp
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
 from mapcli.errors import DataError
-from mapcli.formats.logs.continuity import Break, duration
+from mapcli.formats.logs.recording_break import Break, duration
 from mapcli.model.scan import NANOSECONDS, RangeScan, Record
 
 Spans = Mapping[str, tuple[int, int]]
@@ -109,8 +108,7 @@ def _refusal(found: Break, names: Sequence[str], start_ns: int) -> DataError:
     elapsed_s = (found.before_ns - start_ns) / NANOSECONDS
     way = ""
     if len(names) == 1 and not found.mixed:
-        # To the tenth after it, which is before the next record: gaps are longer.
-        cut = f"{math.ceil(elapsed_s * 10) / 10:.1f}"
+        cut = _between(found.before_ns - start_ns, found.after_ns - start_ns)
         way = f"; map each alone, with --end {cut} and --start {cut}"
     return DataError(
         f"{found.what}: another recording",
@@ -118,3 +116,14 @@ def _refusal(found: Break, names: Sequence[str], start_ns: int) -> DataError:
         where=f"after {elapsed_s:.1f} s",
         expected=f"one recording{way}, or {INSIST}",
     )
+
+
+def _between(before_ns: int, after_ns: int) -> str:
+    """A number of seconds that parts two moments, with as few decimals as that takes, one at
+    least."""
+    for decimals in range(1, 9):
+        unit = 10 ** (9 - decimals)
+        cut = -(-before_ns // unit)
+        if cut * unit < after_ns:
+            break
+    return f"{cut * unit / NANOSECONDS:.{decimals}f}"

@@ -10,7 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mapcli.formats.logs.continuity import Break, Continuity, Place
+from mapcli.formats.logs.continuity import Continuity
+from mapcli.formats.logs.odometry_track import Place
+from mapcli.formats.logs.recording_break import Break
 from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Odometry, RangeScan, Record
 
