@@ -7,7 +7,9 @@ other saw nothing for metres. What moved, people and doors, is a small part of w
 
 Each of some hundred scans, spread evenly over the way, is compared twice: with all scans taken
 `APART_M` or more of way before or after (places passed twice), and with those taken nearer by
-(tracking). The measure needs no parameter of the sensor, and no reference.
+(tracking). Where a robot was carried, or tracking was lost, only few scans nearby are of the other
+side; so those that begin with each are held, too, against those that end just before it. The
+measure needs no parameter of the sensor, and no reference.
 
 Agreement says nothing where it could not be otherwise: along a corridor, or where hardly anything
 is seen, a scan agrees as well half a metre away. So it is asked, too, whether it would.
@@ -16,6 +18,7 @@ is seen, a scan agrees as well half a metre away. So it is asked, too, whether i
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -46,6 +49,10 @@ REACH_M = 15.0
 
 APART_M = 10.0
 """Metres of way between two visits."""
+
+ONWARD_M, FEWEST_ONWARD = 4.0, 3
+"""Metres of way, and scans at least, that are held together against those before: a door that
+closes is seen by one or two, a wrong place by all."""
 
 MOST_SCANS = 400
 """Scans that are compared, at most; half as many at least, after a long drive."""
@@ -136,6 +143,7 @@ class Agreement:
         near: the same by scans nearby.
         fixed_apart, fixed_near: whether it would agree less with them if it were half a metre away,
             whichever way.
+        onward: contradicted share of its ends and those of the next scans, by scans just before it.
     """
 
     scan: int
@@ -143,6 +151,7 @@ class Agreement:
     near: float | None
     fixed_apart: bool = True
     fixed_near: bool = True
+    onward: float | None = None
 
 
 class Explained(NamedTuple):
@@ -170,7 +179,10 @@ def compare_scans(
         begins: numbers of the scans with which drives begin: another drive is another visit.
     """
     found = [Agreement(one.scan, None, None, False, False) for one in scans if not len(one.ends)]
-    found += [_agreement(*view) for view in _views(scans, poses, begins)]
+    placed = _Placed.of(scans, poses, begins)
+    if placed is not None:
+        both = zip(_views(placed), _onward(placed), strict=True)
+        found += [_agreement(*view, onward) for view, onward in both]
     return sorted(found, key=lambda one: one.scan)
 
 
@@ -179,7 +191,8 @@ def explain_scans(
 ) -> list[Explained]:
     """How well other visits explain each of the scans, as of `compare_scans`."""
     explained = []
-    for scan, ends, apart, _ in _views(scans, poses, begins):
+    placed = _Placed.of(scans, poses, begins)
+    for scan, ends, apart, _ in _views(placed) if placed else ():
         confirmed, contradicted = compare_view(apart, ends)
         unseen = len(ends) - confirmed - contradicted
         nats = LOG_CONTRADICTED * contradicted + LOG_UNSEEN * unseen
@@ -187,14 +200,9 @@ def explain_scans(
     return explained
 
 
-def _views(
-    scans: Sequence[SampledScan], poses: Sequence[Pose2D], begins: Sequence[int]
-) -> Iterator[tuple[int, NDArray[np.float32], ViewCounts, ViewCounts]]:
-    """Each scan that saw something: its number, its ends, and what scans of other visits and
-    scans nearby saw, until the next one."""
-    placed = _Placed.of([scan for scan in scans if len(scan.ends)], poses, begins)
-    if placed is None:
-        return
+def _views(placed: _Placed) -> Iterator[tuple[int, NDArray[np.float32], ViewCounts, ViewCounts]]:
+    """Each scan: its number, its ends, and what scans of other visits and scans nearby saw, until
+    the next one."""
     apart, near = placed.nothing(), placed.nothing()
     for k in range(len(placed.ends)):
         placed.count(apart, k, 1)
@@ -213,8 +221,27 @@ def _views(
         placed.count(near, k, 1)
 
 
+def _onward(placed: _Placed) -> Iterator[float | None]:
+    """`Agreement.onward` of each scan."""
+    before, first = placed.nothing(), 0
+    for k, way in enumerate(placed.way):
+        if k:
+            placed.count(before, k - 1, 1)
+        while first < k and placed.way[first] < way - APART_M:
+            placed.count(before, first, -1)
+            first += 1
+        until = max(bisect_right(placed.way, way + ONWARD_M), k + FEWEST_ONWARD)
+        onward = placed.ends[k:until]
+        sums = np.sum([compare_view(before, ends) for ends in onward], axis=0).tolist()
+        yield _share(Compared(*sums), max(len(ends) for ends in onward))
+
+
 def _agreement(
-    scan: int, ends: NDArray[np.float32], apart: ViewCounts, near: ViewCounts
+    scan: int,
+    ends: NDArray[np.float32],
+    apart: ViewCounts,
+    near: ViewCounts,
+    onward: float | None,
 ) -> Agreement:
     by_others, by_neighbours = compare_view(apart, ends), compare_view(near, ends)
     return Agreement(
@@ -223,6 +250,7 @@ def _agreement(
         _share(by_neighbours, len(ends)),
         least_loss(apart, ends, AWAY_CELLS) >= TELLING_ENDS,
         least_loss(near, ends, AWAY_CELLS) >= TELLING_ENDS,
+        onward,
     )
 
 
@@ -253,6 +281,7 @@ class _Placed:
     def of(
         cls, scans: Sequence[SampledScan], poses: Sequence[Pose2D], begins: Sequence[int]
     ) -> _Placed | None:
+        scans = [scan for scan in scans if len(scan.ends)]
         if not scans:
             return None
         xy = np.array([(pose.x, pose.y) for pose in poses])

@@ -25,6 +25,11 @@ FEW, MANY = 0.025, 0.05
 second on bad. People and doors are good for half of the first; a piece of a map that is torn shows
 in the scans of both visits."""
 
+TORN = 0.5
+"""The share, of what scans see of the place that others saw just before, from which on a map is bad
+where it is contradicted; it is doubtful from `CONTRADICTED` on. In right maps it is 0.17 at most,
+and 0.25 among many people."""
+
 FEWEST = 3
 """Scans that must contradict for a reason: one may stand where something moved."""
 
@@ -46,7 +51,9 @@ APART_S = 10.0
 
 MEET_NOT = "walls that another visit saw through: the places do not meet"
 LOST = "walls that scans nearby saw through: tracking was lost"
-"""What contradicting scans say, of other visits and of scans just before and after."""
+CARRIED = "walls that scans just before saw through: the robot was carried, or tracking was lost"
+"""What contradicting scans say, of other visits, of scans just before and after, and of those just
+before."""
 
 ELSEWHERE = (
     "lost, or carried, and came to no place known before: how this lies to the rest is unknown"
@@ -77,6 +84,7 @@ def map_reasons(
     return (
         *run.contradicting("walls_twice", MEET_NOT, lambda one: one.apart, remedy),
         *run.contradicting("torn", LOST, lambda one: one.near),
+        *run.torn(),
         *run.unjoined(unjoined),
         *run.by_odometry_alone(),
         *run.sliding(),
@@ -114,6 +122,15 @@ class _Run:
         verdict: Verdict = "bad" if len(against) >= MANY * len(compared) else "doubtful"
         for first, last in _longest(self._spans(against)):
             yield self._reason(kind, verdict, first, last, text, remedy)
+
+    def torn(self) -> Iterator[Reason]:
+        """Where scans contradict those just before, as they do where a robot was put elsewhere."""
+        against = {one.scan: one.onward for one in self.agreements if one.onward is not None}
+        torn = [scan for scan, share in against.items() if share > CONTRADICTED]
+        for first, last in _longest(self._spans(torn)) if torn else ():
+            most = max(share for scan, share in against.items() if first <= scan <= last)
+            verdict: Verdict = "bad" if most > TORN else "doubtful"
+            yield self._reason("torn", verdict, first, last, CARRIED)
 
     def _spans(self, scans: Sequence[int]) -> list[tuple[int, int]]:
         """Scans as spans, first and last, parted where nothing contradicts for a while."""

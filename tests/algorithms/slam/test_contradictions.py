@@ -57,6 +57,21 @@ def test_tracking_that_is_lost_contradicts_its_neighbours() -> None:
     assert np.mean([share > CONTRADICTED for share in near]) > 0.1
 
 
+def test_a_robot_that_is_taken_to_be_elsewhere_contradicts_what_was_seen_just_before() -> None:
+    """It stands a metre to the side and turned by 70 degrees, and drives on from there."""
+    cut = HALF // 2
+    there = TRUE[cut]
+    motion = there.compose(Pose2D(0.0, 1.0, math.radians(70))).compose(there.inverse())
+    torn = [*TRUE[:cut], *(motion.compose(pose) for pose in TRUE[cut:HALF])]
+    some = [one for one in SAMPLE.scans if one.scan < HALF]
+    onward = {one.scan: one.onward or 0.0 for one in compare_scans(some, torn)}
+    worst = max(onward, key=lambda scan: onward[scan])
+    assert onward[worst] > CONTRADICTED
+    assert abs(worst - cut) <= 3
+    right = [one.onward or 0.0 for one in compare_scans(SAMPLE.scans, TRUE)]
+    assert max(right) < 0.2
+
+
 def test_a_sample_is_spread_over_the_way_and_bounded() -> None:
     sample = ScanSample()
     for k in range(5000):

@@ -66,6 +66,17 @@ def test_scans_nearby_tell_that_tracking_was_lost() -> None:
     assert (torn.kind, torn.verdict, torn.from_s, torn.to_s) == ("torn", "bad", 50, 69)
 
 
+@pytest.mark.parametrize(("share", "verdict"), [(0.25, "good"), (0.4, "doubtful"), (0.7, "bad")])
+def test_a_robot_that_was_carried_contradicts_what_was_seen_just_before(
+    share: float, verdict: Verdict
+) -> None:
+    """Once is enough: few scans are near the place."""
+    found = [Agreement(k, None, 0.0, onward=share if k in (50, 51) else 0.1) for k in range(100)]
+    torn = reasons(driven(100), found)
+    assert verdict_of(torn) == verdict
+    assert [(one.kind, one.from_s, one.to_s) for one in torn] == [("torn", 50, 51)] * len(torn)
+
+
 def test_a_stretch_by_odometry_alone_is_doubtful() -> None:
     (alone,) = reasons(driven(100, range(30, 34)), agreements(100))
     assert (alone.kind, alone.from_s, alone.to_s) == ("odometry_alone", 29, 33)
