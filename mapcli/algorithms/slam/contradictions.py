@@ -51,8 +51,7 @@ APART_M = 10.0
 """Metres of way between two visits."""
 
 ONWARD_M, FEWEST_ONWARD = 4.0, 3
-"""Metres of way, and scans at least, that are held together against those before: a door that
-closes is seen by one or two, a wrong place by all."""
+"""Metres of way, and scans at least, that are held together against those before."""
 
 MOST_SCANS = 400
 """Scans that are compared, at most; half as many at least, after a long drive."""
@@ -201,8 +200,7 @@ def explain_scans(
 
 
 def _views(placed: _Placed) -> Iterator[tuple[int, NDArray[np.float32], ViewCounts, ViewCounts]]:
-    """Each scan: its number, its ends, and what scans of other visits and scans nearby saw, until
-    the next one."""
+    """Each scan: its number, its ends, and what other visits and scans nearby saw, until the next."""
     apart, near = placed.nothing(), placed.nothing()
     for k in range(len(placed.ends)):
         placed.count(apart, k, 1)
