@@ -11,13 +11,9 @@ from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from mapcli.algorithms.slam.contradictions import (
-    Agreement,
-    SampledScan,
-    ScanSample,
-    compare_scans,
-)
+from mapcli.algorithms.slam.contradictions import Agreement, compare_scans
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
+from mapcli.algorithms.slam.scan_sample import SampledScan, ScanSample
 from mapcli.algorithms.slam.verdict import CONTRADICTED
 from mapcli.model.pose import Pose2D
 from mapcli.model.reason import Reason

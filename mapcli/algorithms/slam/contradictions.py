@@ -26,7 +26,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.slam._kernels.views import (
     Compared,
     ViewCounts,
@@ -34,33 +33,17 @@ from mapcli.algorithms.slam._kernels.views import (
     count_view,
     least_loss,
 )
-from mapcli.algorithms.slam.scan_points import voxel_filtered
+from mapcli.algorithms.slam.scan_sample import CELL_M, SampledScan
 from mapcli.model.pose import Pose2D
-
-CELL_M = 0.1
-"""Of the grid of comparison, metres: walls that differ by less than about two cells agree, as laser
-noise and thin walls seen from both sides must."""
 
 MOST_CELLS = 16_000_000
 """Of that grid; its cells grow where the map is larger."""
-
-REACH_M = 15.0
-"""Metres; farther ends are sparse and uncertain."""
 
 APART_M = 10.0
 """Metres of way between two visits."""
 
 ONWARD_M, FEWEST_ONWARD = 4.0, 3
 """Metres of way, and scans at least, that are held together against those before."""
-
-MOST_SCANS = 400
-"""Scans that are compared, at most; half as many at least, after a long drive."""
-
-FIRST_STEP_M = 0.5
-"""Metres (or radians, halved) between two of them at first; doubled whenever they are too many."""
-
-TURN_M = 0.5
-"""Metres that a radian of turning counts as."""
 
 AWAY_CELLS, TELLING_ENDS = 5.0, 3
 """A scan fixes its place when so many of its ends, at least, agree less so far away, whichever way
@@ -76,60 +59,6 @@ nothing to do with each other confirm half of what they see."""
 
 FEWEST_ENDS, LEAST_SHARE = 10, 0.3
 """Ends, and share of a scan's ends, that others must have seen for a comparison to count."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class SampledScan:
-    """A scan that is compared.
-
-    Attributes:
-        scan: its number.
-        ends: shape (n, 2), float32, of its beams, one in each cell, in the robot's frame, metres.
-        laser: shape (2,), where they start.
-    """
-
-    scan: int
-    ends: NDArray[np.float32]
-    laser: NDArray[np.float64]
-
-
-class ScanSample:
-    """Scans spread evenly over the way (stateful: `add` takes or leaves each scan of a log;
-    `is_next`, and `take` if so, do the same where a perception is to be made only if need be).
-
-    Attributes:
-        scans: in time order, at most `MOST_SCANS`.
-    """
-
-    def __init__(self) -> None:
-        self.scans: list[SampledScan] = []
-        self._step, self._way, self._next = FIRST_STEP_M, 0.0, 0.0
-        self._last: Pose2D | None = None
-        self._count = 0
-
-    def add(self, pose: Pose2D, perception: Perception) -> None:
-        """The next scan, with its pose as tracked."""
-        if self.is_next(pose):
-            self.take(perception)
-
-    def is_next(self, pose: Pose2D) -> bool:
-        """Whether the next scan is one of the sample, by its pose as tracked."""
-        self._count += 1
-        if self._last is not None:
-            turn = abs(self._last.between(pose).theta)
-            self._way += self._last.distance(pose) + TURN_M * turn
-        self._last = pose
-        return self._way >= self._next
-
-    def take(self, perception: Perception) -> None:
-        """Have the last scan in the sample."""
-        self._next = self._way + self._step
-        away = np.hypot(*(perception.hits - perception.laser).T)
-        ends = voxel_filtered(perception.hits[away < REACH_M], CELL_M).astype(np.float32)
-        self.scans.append(SampledScan(self._count - 1, ends, perception.laser))
-        if len(self.scans) > MOST_SCANS:
-            del self.scans[1::2]
-            self._step *= 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +129,8 @@ def explain_scans(
 
 
 def _views(placed: _Placed) -> Iterator[tuple[int, NDArray[np.float32], ViewCounts, ViewCounts]]:
-    """Each scan: its number, its ends, and what other visits and scans nearby saw, until the next."""
+    """Each scan: its number, its ends, and what scans of other visits and scans nearby saw, until
+    the next one."""
     apart, near = placed.nothing(), placed.nothing()
     for k in range(len(placed.ends)):
         placed.count(apart, k, 1)

@@ -13,15 +13,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from mapcli.algorithms.slam.contradictions import (
-    Explained,
-    SampledScan,
-    ScanSample,
-    explain_scans,
-)
+from mapcli.algorithms.slam.contradictions import Explained, explain_scans
 from mapcli.algorithms.slam.keyframes import Keyframe, TrackedTrajectory
 from mapcli.algorithms.slam.loop_closure import LoopCloser, ScoredLoop
 from mapcli.algorithms.slam.pose_graph import PoseGraph
+from mapcli.algorithms.slam.scan_sample import SampledScan, ScanSample
 from mapcli.algorithms.slam.submaps import apply_corrections
 from mapcli.model.loop_check import LoopCheck
 

@@ -11,9 +11,10 @@ import numpy as np
 from mapcli.algorithms.scans.mount_check import MountCheck
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.slam.back_end import BackEndResult
-from mapcli.algorithms.slam.contradictions import ScanSample, compare_scans
+from mapcli.algorithms.slam.contradictions import compare_scans
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.odometry_check import odometry_reasons
+from mapcli.algorithms.slam.scan_sample import ScanSample
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.algorithms.slam.sweep_search import SweepSearch
 from mapcli.algorithms.slam.verdict import map_reasons, verdict_of

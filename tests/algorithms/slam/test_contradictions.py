@@ -11,13 +11,8 @@ from support.looping import Edges, box, laps, ring, see
 from mapcli import World
 from mapcli.algorithms.scans.perception import NOTHING_SEEN
 from mapcli.algorithms.scans.ray_casting import edges_of
-from mapcli.algorithms.slam.contradictions import (
-    MOST_SCANS,
-    Agreement,
-    SampledScan,
-    ScanSample,
-    compare_scans,
-)
+from mapcli.algorithms.slam.contradictions import Agreement, compare_scans
+from mapcli.algorithms.slam.scan_sample import MOST_SCANS, SampledScan, ScanSample
 from mapcli.algorithms.slam.verdict import CONTRADICTED
 from mapcli.model.pose import Pose2D
 
