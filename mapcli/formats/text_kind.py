@@ -16,6 +16,7 @@ DRAWING = FileKind("an SVG drawing", Role.OTHER)
 CARMEN = re.compile(
     rb"^(ODOM|[FR]LASER|OLDLASER|(ROBOT|RAW)LASER\d|TRUEPOS|PARAM|SYNC|SONAR|NMEA\w+) ", re.M
 )
+GFS = re.compile(rb"^(LASER_READING|(ODO|SM)_UPDATE) ", re.M)
 DOCUMENT = re.compile(rb'"format"\s*:\s*"mapcli\.([a-z-]+)"')
 KEY = re.compile(rb"^[\"']?(\w+)[\"']?\s*:", re.M)
 KEY_IN_BRACES = re.compile(rb"[{,]\s*[\"']?(\w+)[\"']?\s*:")
@@ -60,6 +61,8 @@ def kind_of_text(start: bytes, name: str) -> FileKind | None:
         return WEB_PAGE
     if head.startswith(b"<") and b"<svg" in head:
         return DRAWING
+    if GFS.search(start.replace(b"\r", b"\n")):
+        return FileKind("a GMapping log (.gfs)", Role.LOG)
     if CARMEN.search(start.replace(b"\r", b"\n")):
         return FileKind("a CARMEN log", Role.LOG)
     if found := DOCUMENT.search(start[:1000]):

@@ -28,6 +28,7 @@ KINDS = {
     "an SQLite database, and no ROS 2 bag": b"SQLite format 3\0CREATE TABLE people(id)",
     "a coverage curve in CSV": b"strategy,step,time_steps\nnearest,0,0\n",
     "a similarity table in CSV": b"position\\turn_deg,0,-15,15\nintended,47,59,43\n",
+    "a GMapping log (.gfs)": b"FRAME 1 0.5 0.1\nODOM 0 0 0 1.5\nODO_UPDATE 1 0 0 0 0.000000 1.5\n",
     "a CARMEN log": b"# CARMEN Logfile\nPARAM robot_length 0.5 0 h 0\n",
     "a PGM map": b"P5 2 2 255\n\0\0\0\0",
     "a PNG image": b"\x89PNG\r\n\x1a\n\0",

@@ -1,7 +1,8 @@
 """Loading a trajectory: the content decides which format it is, not the suffix.
 
-Our own `trace.json`, the formats of `trajectory_text`, `t x y theta` text, and logs of messages
-(MCAP, ROS bags) with poses such as those that `mapcli simulate` writes. Plain or packed.
+Our own `trace.json`, the formats of `trajectory_text`, `t x y theta` text, logs of messages (MCAP,
+ROS bags) with poses such as those that `mapcli simulate` writes, and CARMEN logs with true poses.
+Plain or packed.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from mapcli.errors import FormatError
 from mapcli.formats.documents.pose_trace import read_trace_poses
 from mapcli.formats.documents.trajectory_text import EXPECTED, read_trajectory
 from mapcli.formats.file_kind import Role, expecting
-from mapcli.formats.input import read_file, sha256_of, spooled, unpacked
+from mapcli.formats.input import SNIFFED_BYTES, read_file, sha256_of, spooled, unpacked
 from mapcli.model.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -53,6 +54,8 @@ def load_trajectory(path: str | Path, topic: str | None = None) -> LoadedTraject
     with expecting(path, "a trace", Role.TRACE):
         packed = read_file(Path(path), EXPECTED)
         data, digest = unpacked(packed, path), sha256_of(packed)
+        if (truth := _true_poses(data, topic)) is not None:
+            return LoadedTrajectory(truth, digest)
         if not is_log_of_messages(data):
             return LoadedTrajectory(_from_text(data, path, topic), digest)
     return logged_trajectory(path, topic, data, digest)
@@ -63,6 +66,17 @@ def is_log_of_messages(data: bytes) -> bool:
     from mapcli.formats.logs.open_log import MAGICS
 
     return data.startswith(tuple(MAGICS))
+
+
+def _true_poses(data: bytes, topic: str | None) -> Trajectory | None:
+    """Those of a CARMEN log; None if it is none, or has none."""
+    from mapcli.formats.logs.carmen_lines import looks_like_carmen
+    from mapcli.formats.logs.carmen_truth import TRUE_POSES, read_true_poses
+
+    is_asked_for = topic in (None, TRUE_POSES.decode())
+    return (
+        read_true_poses(data) if is_asked_for and looks_like_carmen(data[:SNIFFED_BYTES]) else None
+    )
 
 
 def _from_text(data: bytes, file: str, topic: str | None) -> Trajectory:

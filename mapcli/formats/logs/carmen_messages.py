@@ -113,14 +113,14 @@ def robotlaser_words(words: Words) -> int:
 def parse_odom(words: Words, stamping: Stamping) -> Odometry:
     """An ODOM line, split at spaces. Raises ValueError where it is malformed."""
     _expect(len(words) in (10, GFS_ODOM_WORDS))
-    return Odometry(stamping.read(words), _pose(words[1:4]))
+    return Odometry(stamping.read(words), parse_pose(words[1:4]))
 
 
 def parse_flaser(words: Words, stamping: Stamping) -> LaserMessage:
     """An FLASER or RLASER line, split at spaces. Raises ValueError where it is malformed."""
     n = int(words[1])
     _expect(n >= 0 and len(words) == flaser_words(words))
-    laser, robot = _pose(words[2 + n : 5 + n]), _pose(words[5 + n : 8 + n])
+    laser, robot = parse_pose(words[2 + n : 5 + n]), parse_pose(words[5 + n : 8 + n])
     angles, ranges = _half_circle(n), _floats(words[2 : 2 + n])
     return LaserMessage(stamping.read(words), *angles, ranges, 0.0, laser, robot)
 
@@ -129,7 +129,7 @@ def parse_laser_reading(words: Words, stamping: Stamping) -> LaserMessage:
     """A LASER_READING line of GMapping. Raises ValueError where it is malformed."""
     n = int(words[1])
     _expect(n >= 0 and len(words) == laser_reading_words(words))
-    robot = _pose(words[2 + n : 5 + n])
+    robot = parse_pose(words[2 + n : 5 + n])
     angles, ranges = _half_circle(n), _floats(words[2 : 2 + n])
     return LaserMessage(stamping.read(words), *angles, ranges, 0.0, None, robot)
 
@@ -138,7 +138,7 @@ def parse_robotlaser(words: Words, stamping: Stamping) -> LaserMessage:
     """A ROBOTLASER line, split at spaces. Raises ValueError where it is malformed."""
     _expect(len(words) == robotlaser_words(words))
     tail = len(words) - 14
-    poses = _pose(words[tail : tail + 3]), _pose(words[tail + 3 : tail + 6])
+    poses = parse_pose(words[tail : tail + 3]), parse_pose(words[tail + 3 : tail + 6])
     return LaserMessage(stamping.read(words), *_laser(words), *poses)
 
 
@@ -168,7 +168,7 @@ WORDS: dict[str, Callable[[Words], int]] = {
 }
 """Message of scans -> how many words its line should have."""
 
-GFS_ODOM_WORDS = 5
+GFS_ODOM_WORDS, TRUEPOS_WORDS = 5, 10
 SHORT = (b"LASER_READING",)
 """Messages that end with their only time."""
 
@@ -219,7 +219,8 @@ def _floats(words: Words) -> NDArray[np.float32]:
         return np.fromiter(map(number, words), dtype=np.float32, count=len(words))
 
 
-def _pose(words: Words) -> Pose2D:
+def parse_pose(words: Words) -> Pose2D:
+    """x, y and theta. Raises ValueError where they are none."""
     x, y, theta = map(float, words)
     _expect(abs(x) <= FARTHEST_M and abs(y) <= FARTHEST_M and math.isfinite(theta))
     return Pose2D(x, y, rounded_angle(theta))
