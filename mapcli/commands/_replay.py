@@ -18,6 +18,7 @@ from mapcli.commands._say import say, warn
 from mapcli.errors import DataError
 from mapcli.formats.logs.open_log import Log
 from mapcli.model.counting import counted
+from mapcli.model.knowledge import NOTHING_KNOWN, Knowledge
 from mapcli.model.pose import Pose2D
 from mapcli.model.reason import DESCRIPTIONS, WRONG_THROUGHOUT, Reason, ReasonKind
 from mapcli.model.scan import RangeScan, Record
@@ -33,6 +34,7 @@ def replay_log(
     keep: Container[int] = (),
     watch: Callable[[ReplayRun], None] = lambda run: None,
     *,
+    knowledge: Knowledge = NOTHING_KNOWN,
     quiet: bool,
 ) -> tuple[Replayed, ReplayRun]:
     """Replay a log to its end, or to Ctrl-C, with a progress bar; `watch` is called after each
@@ -50,7 +52,7 @@ def replay_log(
         if not run.poses:
             raise DataError("no scan in the part asked for")
         with progress_of_steps("closing loops", slam.submap_count, quiet=quiet) as report:
-            run.finalise(report)
+            run.finalise(report, knowledge)
     except KeyboardInterrupt as stopped:
         if not run.poses:
             raise
@@ -112,17 +114,22 @@ def _stop(run: ReplayRun, stopped: KeyboardInterrupt) -> None:
 
 
 def effective_parameters(
-    log_input: LogInput, slam: Slam, start: Pose2D | None, known: Mapping[str, str]
+    log_input: LogInput,
+    slam: Slam,
+    start: Pose2D | None,
+    known: Mapping[str, str],
+    knowledge: Knowledge = NOTHING_KNOWN,
 ) -> dict[str, Any]:
     """Everything that the result depends on besides the log.
 
     Args:
         start: where the robot starts, if that was said; known: the files of the known map, name
-            -> SHA-256.
+            -> SHA-256; knowledge: what a person told.
     """
     return {
         **log_input.parameters(),
         "initial_pose": None if start is None else asdict(start),
         "known": [{"file": name, "sha256": digest} for name, digest in known.items()],
+        **({"knowledge": asdict(knowledge)} if knowledge else {}),
         **asdict(slam.parameters),
     }

@@ -30,6 +30,7 @@ from mapcli.commands._session_outputs import (
 )
 from mapcli.errors import DataError, MapcliError
 from mapcli.formats.documents.drive_state import read_state, write_state
+from mapcli.model.knowledge import Knowledge
 from mapcli.model.limit import Limit
 from mapcli.model.summary import ReplaySummary
 
@@ -40,12 +41,13 @@ class SessionOptions:
 
     Attributes:
         newest_last: age is the order of the logs; static: keep what all drives agree on.
-        continued: the state to go on from.
+        continued: the state to go on from; knowledge: what a person knows of the drives.
     """
 
     newest_last: bool
     static: bool
     continued: str | None
+    knowledge: Knowledge
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ def replay_sessions(
     mapped.map_all(recordings, names, how)
     drives = _in_order(mapped.drives, newest_last=options.newest_last, quiet=how.quiet)
     static = options.static or (not options.newest_last and _have_no_newest(drives, how.quiet))
-    maps = _join(drives, how, static=static)
+    maps = _join(drives, how, options.knowledge, static=static)
     write_sessions(maps, drives, outputs, no_clobber=how.no_clobber)
     summary = session_summary(maps)
     if not how.quiet:
@@ -238,7 +240,9 @@ def _have_no_newest(drives: Sequence[Drive], quiet: bool) -> bool:
     return True
 
 
-def _join(drives: Sequence[Drive], how: DriveInput, *, static: bool) -> list[JointMap]:
+def _join(
+    drives: Sequence[Drive], how: DriveInput, knowledge: Knowledge, *, static: bool
+) -> list[JointMap]:
     submaps = round(sum(one.trajectory.keyframes[-1].metres for one in drives) / SUBMAP_M)
     with progress_of_steps("joining drives", submaps, quiet=how.quiet) as report:
-        return join_drives(drives, how.parameters, static=static, progress=report)
+        return join_drives(drives, how.parameters, knowledge, static=static, progress=report)

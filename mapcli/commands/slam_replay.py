@@ -16,6 +16,7 @@ from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.match import MatchParameters
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
+from mapcli.commands._knowledge_options import knowledge_options
 from mapcli.commands._limit_option import limit_option
 from mapcli.commands._log_options import LogInput, log_input_options, say_notes
 from mapcli.commands._options import (
@@ -57,6 +58,7 @@ from mapcli.commands._sessions import (
 from mapcli.errors import DataError
 from mapcli.formats.input import DigestingReader
 from mapcli.formats.maps.load import LoadedMap
+from mapcli.model.knowledge import Knowledge
 from mapcli.model.limit import Limit
 from mapcli.model.pose import Pose2D
 from mapcli.model.summary import LIMIT_FIELDS
@@ -142,6 +144,7 @@ def _option(flag: str, default: Any, text: str, **settings: Any) -> Callable[[Co
               "drives to this map later, as MCAP.")  # fmt: skip
 @click.option("--continue", "continued", metavar="F", type=FILE, help="Add drives to the map of a "
               "state; --save-state may name the same file.")  # fmt: skip
+@knowledge_options
 @limit_option(LIMIT_FIELDS, "verdict!=good")
 @click.option("--save-perception", "saved", metavar="N", type=click.IntRange(0), multiple=True,
               help="Write scan N (from 0) with its estimated pose into the folder, as "
@@ -158,7 +161,8 @@ def command(
     logs: tuple[str, ...], folder: str | None, png: str | None, map_: str | None,
     json: str | None, trace: str | None, mcap: str | None, log_input: LogInput,
     loop_closing: bool, known: str | None, initial_pose: Pose2D | None, localize: bool,
-    sessions: bool, newest_last: bool, static: bool, state: str | None, continued: str | None,
+    knowledge: Knowledge, sessions: bool, newest_last: bool, static: bool, state: str | None,
+    continued: str | None,
     limits: tuple[Limit, ...], saved: tuple[int, ...], explain: str | None, explain_most: int,
     no_clobber: bool, quiet: bool, verbose: bool, **model: Any,
 ) -> None:  # fmt: skip
@@ -198,7 +202,7 @@ def command(
         refuse_with_drives(alone)
         replay_sessions(
             [[log] for log in logs] if sessions else [logs],
-            SessionOptions(newest_last, static, continued),
+            SessionOptions(newest_last, static, continued, knowledge),
             SessionOutputs.of(folder or default_folder(logs[0]), png, map_, json, state),
             DriveInput(
                 log_input, slam_parameters(loops=True, frozen=False, **model), limits, no_clobber,
@@ -225,16 +229,18 @@ def command(
     ]
     check_replay_outputs(outputs, inputs, others, no_clobber=no_clobber)
     parameters = slam_parameters(loops=loop_closing and not known, frozen=localize, **model)
-    if state and parameters.loops is None:
-        raise click.UsageError("--save-state needs loop closing.")
+    if (state or knowledge) and parameters.loops is None:
+        name = "--save-state" if state else "What a person knows of a drive"
+        raise click.UsageError(f"{name} needs loop closing.")
     slam = Slam(parameters, initial_pose, known_map(base, parameters) if base else None)
     log = log_input.open(logs)
     check_perceptions(files, log)
     replayed, run = replay_log(
-        log, log_input, slam, files, *([explainer.watch] if explainer else []), quiet=quiet
-    )
+        log, log_input, slam, files, *([explainer.watch] if explainer else []),
+        knowledge=knowledge, quiet=quiet,
+    )  # fmt: skip
     summary = replayed.summary
-    told = effective_parameters(log_input, slam, initial_pose, read.digests)
+    told = effective_parameters(log_input, slam, initial_pose, read.digests, knowledge)
     head = {"inputs": log.digests(), "parameters": told}
     perceptions = perception_contents(
         files, run.kept, replayed.trace, parameters.perception, log.name

@@ -25,6 +25,7 @@ ReasonKind = Literal[
     "sliding",
     "unconfirmed",
     "wheels_failed",
+    "not_so",
 ]
 """`laser_mirrored`: scans turn the other way than the wheels; `laser_turned`: the laser looks
 elsewhere than the log says, backwards above all; `range_unit`, `angle_unit`: readings are no
@@ -36,7 +37,7 @@ taken just before and after contradict; `unjoined`: the robot was lost or carrie
 place that it knew since; `odometry_alone`: no scan fitted the map; `sliding`: scans did not tell
 how far the robot had come, along corridors above all; `unconfirmed`: a long way of which nothing
 was seen on another visit; `wheels_failed`: odometry counted something else than the robot did for
-a while, which the map was made without."""
+a while, which the map was made without; `not_so`: what a person told, and scans contradict."""
 
 DESCRIPTIONS = frozenset[ReasonKind](
     ("laser_mirrored", "laser_turned", "range_unit", "angle_unit", "clocks_differ")

@@ -13,8 +13,11 @@ from mapcli.algorithms.sessions.joined_trajectory import joined_trajectory
 from mapcli.algorithms.slam.back_end import loops_between_scans
 from mapcli.algorithms.slam.loop_check import keep_loops_that_help
 from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopParameters
+from mapcli.algorithms.slam.persons_view import PersonsView
 from mapcli.algorithms.slam.slam_parameters import SlamParameters
 from mapcli.algorithms.slam.submaps import apply_corrections
+from mapcli.model.knowledge import Knowledge
+from mapcli.model.pose import Pose2D
 from mapcli.model.trace import Loop
 
 
@@ -41,25 +44,33 @@ class ClosedDrives:
     Attributes:
         drives: the oldest first; poses: of the scans of each, loops closed.
         links: the loops.
+        wrong_lines: what a person told that is not so.
     """
 
     def __init__(
         self,
         drives: Sequence[Drive],
         parameters: SlamParameters,
+        knowledge: Knowledge,
         progress: Callable[[int], None],
     ) -> None:
-        self.drives = drives
         trajectory = joined_trajectory(drives)
         self._begins = trajectory.begins
         loops = parameters.loops or LoopParameters()
-        closer = LoopCloser(trajectory.keyframes, parameters.map, loops)
+        told = PersonsView.of(knowledge, [(one.name, one.poses) for one in drives])
+        trajectory, wrong = told.followed(trajectory, parameters.odometry)
+        closer = LoopCloser(trajectory.keyframes, parameters.map, loops, told.places)
         closer.run(progress)
         keep_loops_that_help(closer, trajectory)
         closed = closer.result()
+        self.wrong_lines = [*wrong, *closer.wrong_lines()]
         self._pieces = self._pieces_of(closer)
         poses = apply_corrections(trajectory, closed.submaps, closed.origins)
         ends = [*self._begins[1:], len(poses)]
+        self.drives = [
+            _with_steps(drive, trajectory.steps[begin + 1 : end])
+            for drive, begin, end in zip(drives, self._begins, ends, strict=True)
+        ]
         self.poses = [poses[begin:end] for begin, end in zip(self._begins, ends, strict=True)]
         self.links = [self._link(loop) for loop in loops_between_scans(trajectory, closed)]
 
@@ -71,7 +82,7 @@ class ClosedDrives:
 
     def _pieces_of(self, closer: LoopCloser) -> list[list[Piece]]:
         """The pieces of each drive."""
-        pieces: list[list[Piece]] = [[] for _ in self.drives]
+        pieces: list[list[Piece]] = [[] for _ in self._begins]
         for k, submap in enumerate(closer.submaps):
             first = closer.keyframes[submap.first]
             if first.lost_since is not None or not k:
@@ -106,3 +117,8 @@ class ClosedDrives:
             one, other = sorted((group[link.from_drive], group[link.to_drive]))
             group = [one if g == other else g for g in group]
         return [[k for k, own in enumerate(group) if own == g] for g in sorted(set(group))]
+
+
+def _with_steps(drive: Drive, steps: list[Pose2D | None]) -> Drive:
+    """A drive that moved so from each scan to the next."""
+    return replace(drive, trajectory=replace(drive.trajectory, steps=[None, *steps]))

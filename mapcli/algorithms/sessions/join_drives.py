@@ -27,13 +27,14 @@ from mapcli.algorithms.sessions.drive_agreement import (
 )
 from mapcli.algorithms.sessions.fused_map import fuse
 from mapcli.algorithms.sessions.joined_trajectory import joined_trajectory
-from mapcli.algorithms.slam.back_end import refine_all
+from mapcli.algorithms.slam.back_end import piece_begins, refine_all
 from mapcli.algorithms.slam.contradictions import Agreement, compare_scans
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.map_refinement import map_from_keyframes
 from mapcli.algorithms.slam.slam_parameters import SlamParameters
-from mapcli.algorithms.slam.verdict import map_reasons, verdict_of
+from mapcli.algorithms.slam.verdict import map_reasons, verdict_of, wrong_lines
 from mapcli.model.grid import GridMap
+from mapcli.model.knowledge import NOTHING_KNOWN, Knowledge
 from mapcli.model.pose import Pose2D
 from mapcli.model.reason import MAP_REASONS
 from mapcli.model.seen_part import seen_part
@@ -69,6 +70,7 @@ class JointMap:
 def join_drives(
     drives: Sequence[Drive],
     parameters: SlamParameters,
+    knowledge: Knowledge = NOTHING_KNOWN,
     *,
     static: bool = False,
     progress: Callable[[int], None] = lambda submap: None,
@@ -78,13 +80,14 @@ def join_drives(
     Args:
         drives: the oldest first, each of one scan at least; where they disagree the later one is
             right.
+        knowledge: what a person knows of them.
         static: keep of the map only what all drives agree on.
         progress: called with the number of each submap when its loops have been searched.
 
     Returns:
         The map of the oldest drive, with all that was joined with it, and those of the others.
     """
-    closed = ClosedDrives(drives, parameters, progress)
+    closed = ClosedDrives(drives, parameters, knowledge, progress)
     return [_joint_map(closed, group, parameters, static=static) for group in closed.groups()]
 
 
@@ -114,11 +117,12 @@ def parts_of(joined: TrackedTrajectory, poses: Sequence[Pose2D]) -> list[Tracked
     ends = [*joined.begins[1:], len(joined.poses)]
     parts = []
     for begin, end in zip(joined.begins, ends, strict=True):
-        keyframes = [
-            replace(one, scan=one.scan - begin, pose=poses[one.scan])
-            for one in joined.keyframes
-            if begin <= one.scan < end
-        ]
+        keyframes = []
+        for one in joined.keyframes:
+            if begin <= one.scan < end:
+                lost_since = None if one.lost_since is None else one.lost_since - begin
+                own = replace(one, scan=one.scan - begin, pose=poses[one.scan])
+                keyframes.append(replace(own, lost_since=lost_since or None))  # 0: the drive begins
         parts.append(TrackedTrajectory(list(poses[begin:end]), keyframes=keyframes))
     return parts
 
@@ -141,8 +145,11 @@ def _joined_drive(
     unjoined = closed.unjoined(k, oldest)
     own = compare_scans(sample_of(part), part.poses)
     reasons = (
-        *map_reasons(poses, confirmed_by(own, others), unjoined=unjoined),
+        *map_reasons(
+            poses, confirmed_by(own, others), unjoined=unjoined, begins=piece_begins(part)
+        ),
         *drive_reasons(poses, own, others),
+        *wrong_lines(closed.wrong_lines, drive.summary.duration_s),
         *lasting,
     )
     summary = replace(

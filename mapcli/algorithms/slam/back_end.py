@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
+from mapcli.algorithms.slam.known_places import KnownPlaces
 from mapcli.algorithms.slam.loop_check import keep_loops_that_help
 from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopClosureResult, LoopParameters
 from mapcli.algorithms.slam.map_parameters import MapParameters
@@ -42,6 +43,8 @@ class BackEndResult:
         crispness: what deskewing was worth; None if all beams of a scan were taken at once.
         loop_check: what loops were worth; None if none was found.
         unjoined: first and last scans of pieces that no loop has joined with the first one.
+        wrong_lines: what a person told that is not so.
+        begins: first scans of the pieces that begin after one was lost.
     """
 
     poses: list[Pose2D]
@@ -50,6 +53,8 @@ class BackEndResult:
     crispness: Crispness | None = None
     unjoined: tuple[tuple[int, int], ...] = ()
     loop_check: LoopCheck | None = None
+    wrong_lines: tuple[str, ...] = ()
+    begins: tuple[int, ...] = ()
 
 
 def finalise(
@@ -58,14 +63,16 @@ def finalise(
     loops: LoopParameters,
     odometry: MotionModel,
     progress: Callable[[int], None] = lambda submap: None,
+    places: KnownPlaces | None = None,
 ) -> BackEndResult:
     """Close the loops of a trajectory, refine its poses, make the map.
 
     Args:
         trajectory: with one keyframe at least.
         progress: called with the number of each submap when its loops have been searched.
+        places: that a person knows.
     """
-    closer = LoopCloser(trajectory.keyframes, map_, loops)
+    closer = LoopCloser(trajectory.keyframes, map_, loops, places)
     closer.run(progress)
     check = keep_loops_that_help(closer, trajectory)
     closed = closer.result()
@@ -74,7 +81,10 @@ def finalise(
     grid = map_from_keyframes(refined.trajectory, refined.poses, map_)
     loops_closed = loops_between_scans(trajectory, closed)
     unjoined = unjoined_scans(trajectory, closed)
-    return BackEndResult(refined.poses, grid, loops_closed, refined.crispness, unjoined, check)
+    return BackEndResult(
+        refined.poses, grid, loops_closed, refined.crispness, unjoined, check,
+        tuple(closer.wrong_lines()), tuple(piece_begins(trajectory)),
+    )  # fmt: skip
 
 
 def refine_all(
@@ -111,11 +121,16 @@ def loops_between_scans(
     )
 
 
+def piece_begins(trajectory: TrackedTrajectory) -> list[int]:
+    """The first scans of the pieces but the first one."""
+    return [one.lost_since for one in trajectory.keyframes if one.lost_since is not None]
+
+
 def unjoined_scans(
     trajectory: TrackedTrajectory, closed: LoopClosureResult
 ) -> tuple[tuple[int, int], ...]:
     """First and last scans of the pieces that no loop has joined with the first one."""
-    begins = [one.lost_since for one in trajectory.keyframes if one.lost_since is not None]
+    begins = piece_begins(trajectory)
     ends = [*(scan - 1 for scan in begins[1:]), len(trajectory.poses) - 1]
     pieces = dict(zip(begins, ends, strict=False))  # the first piece begins with nothing lost
     firsts = (trajectory.keyframes[closed.submaps[k].first].lost_since for k in closed.unjoined)

@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -28,6 +28,7 @@ import numpy as np
 
 from mapcli.algorithms.slam.correlative_search import SearchWindow
 from mapcli.algorithms.slam.keyframes import Keyframe
+from mapcli.algorithms.slam.known_places import KnownPlaces, PlacesOfSubmaps
 from mapcli.algorithms.slam.loop_candidates import (
     APART_M,
     WINDOW_SIGMAS,
@@ -127,10 +128,15 @@ class LoopCloser:
         graph: a pose for each submap; edges along the trajectory, and loops.
         unconfirmed: loops that wait for another one that is consistent with them.
         accepted: loops in the graph.
+        said: loops that a person told, with what was typed; not_found: what was, and is not so.
     """
 
     def __init__(
-        self, keyframes: list[Keyframe], map_: MapParameters, parameters: LoopParameters
+        self,
+        keyframes: list[Keyframe],
+        map_: MapParameters,
+        parameters: LoopParameters,
+        places: KnownPlaces | None = None,
     ) -> None:
         self.keyframes, self.parameters = keyframes, parameters
         self.submaps = split_into_submaps(keyframes)
@@ -145,6 +151,9 @@ class LoopCloser:
         self.pieces = Pieces(keyframes, self.submaps)
         origins = [one.origin for one in self.submaps]
         self._wide_search = WideSearch(self.graph, self.matcher, origins, map_)
+        self._places = PlacesOfSubmaps(places or KnownPlaces(), keyframes, self.submaps)
+        self.said: dict[Edge, str] = {}
+        self.not_found: list[str] = []
         self._pending_factors = 0  # accepted since the graph was optimised
         self._loops_to: defaultdict[int, list[Edge]] = defaultdict(list)  # of both lists
 
@@ -162,7 +171,7 @@ class LoopCloser:
                 if self.pieces.are_joined(old, new):
                     self.compare(old, new, path)
             self.compare_widely(new)
-            self.update_graph(self.accept())
+            self.update_graph([*self.accept_known(new), *self.accept()])
             progress(new)
         if self._pending_factors:
             self.graph.optimise(is_near_optimum=True)
@@ -174,6 +183,11 @@ class LoopCloser:
         loops, scores = [one.edge for one in self.accepted], [one.score for one in self.accepted]
         unjoined = self.pieces.unjoined()
         return LoopClosureResult(self.submaps, self.graph.poses, loops, scores, unjoined)
+
+    def wrong_lines(self) -> list[str]:
+        """What a person told that is not so: the place was not found, or contradicts the rest."""
+        kept = {one.edge for one in self.accepted}
+        return [*self.not_found, *(line for edge, line in self.said.items() if edge not in kept)]
 
     def candidates(self, new: int) -> dict[int, GraphPath]:
         """Old submaps where the robot may be again, and the paths there."""
@@ -194,6 +208,26 @@ class LoopCloser:
             if self._wide_search.is_due(new, others):
                 self._propose_clear(new, self._wide_search.find(new, others))
 
+    def accept_known(self, new: int) -> list[Edge]:
+        """Loops that a person told, if they are there: they need no other one that agrees."""
+        taken = []
+        for one in self._places.sought(new):
+            loop = self._match(one.old, new, one.pose, one.window)
+            if loop is None:
+                self.not_found.append(one.line)
+                continue
+            loop = loop._replace(edge=replace(loop.edge, is_certain=True))
+            self.said[loop.edge] = one.line
+            self._take(loop)
+            taken.append(loop.edge)
+        return taken
+
+    def _take(self, loop: ScoredLoop) -> None:
+        """A loop comes into the graph."""
+        self._join(loop.edge)
+        self.graph.add(loop.edge)
+        self.accepted.append(loop)
+
     def _propose_clear(self, new: int, places: list[Found]) -> None:
         """A submap that fits clearly best at one of these places becomes a loop that waits for
         another one; one that fits at two of them as well may be at either."""
@@ -205,7 +239,10 @@ class LoopCloser:
     def _match(
         self, old: int, new: int, predicted: Pose2D, window: SearchWindow
     ) -> ScoredLoop | None:
-        """Look for a submap in an old one's map; None if there is no reliable match."""
+        """Look for a submap in an old one's map; None if there is no reliable match, or a person
+        knows better."""
+        if self._places.are_apart(old, new):
+            return None
         a, b = self.submaps[old].origin, self.submaps[new].origin
         match = self.matcher.match(a, b, predicted, window, window.deviations(WINDOW_SIGMAS))
         if match is None or not self.is_reliable(match):
@@ -242,9 +279,7 @@ class LoopCloser:
                     confirmed |= {loop, other}
         taken = [one for one in self.unconfirmed if one.edge in confirmed]
         for one in taken:
-            self._join(one.edge)
-            self.graph.add(one.edge)
-        self.accepted += taken
+            self._take(one)
         self.unconfirmed = [one for one in self.unconfirmed if one.edge not in confirmed]
         return [one.edge for one in taken]
 
@@ -307,7 +342,11 @@ class LoopCloser:
 
     def prune(self) -> None:
         """Outlier rejection after optimisation: drop loops whose residual exceeds `PRUNE_GATE`."""
-        wrong = [one for one in self.accepted if one.edge.error(self.graph.poses) > PRUNE_GATE]
+        poses, gate = self.graph.poses, PRUNE_GATE
+        wrong = [
+            one for one in self.accepted
+            if not one.edge.is_certain and one.edge.error(poses) > gate
+        ]  # fmt: skip
         for one in wrong:
             self.graph.remove(one.edge)
             self.accepted.remove(one)

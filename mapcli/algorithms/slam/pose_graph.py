@@ -31,6 +31,7 @@ class Edge:
     Attributes:
         covariance: of the measured pose, in its own frame.
         metres: how far the robot drove between them; 0 for a loop.
+        is_certain: a loop that is no outlier, whatever the others say.
     """
 
     from_: int
@@ -38,6 +39,7 @@ class Edge:
     measured: Pose2D
     covariance: Covariance
     metres: float = 0.0
+    is_certain: bool = False
 
     @property
     def is_loop(self) -> bool:
@@ -111,6 +113,8 @@ class PoseGraph:
         self._factors: dict[float, Any] = {}  # GTSAM's graph for each kernel scale, as far as built
 
     def add(self, edge: Edge) -> None:
+        if edge.is_certain:
+            self._factors.clear()  # tracking is doubted from now on
         self.edges.append(edge)
         self._edges_at[edge.from_].append(edge)
         self._edges_at[edge.to].append(edge)
@@ -192,7 +196,11 @@ class PoseGraph:
 
     def _factor_graph(self, scale: float) -> Any:
         """GTSAM's graph: that the first pose stays where it is, and a factor for each edge; what
-        was built before is added to."""
+        was built before is added to.
+
+        Where a loop is certain and tracking leads elsewhere, tracking was lost somewhere between:
+        with a robust kernel its edges leave the whole error to one of them.
+        """
         import gtsam
 
         noise, first = gtsam.noiseModel, self.poses[0]
@@ -202,9 +210,11 @@ class PoseGraph:
             still = gtsam.PriorFactorPose2(0, here, noise.Constrained.All(3))
             self._factors[scale].add(still)
         factors, robust = self._factors[scale], noise.mEstimator.Cauchy.Create(scale)
+        is_torn = any(edge.is_certain for edge in self.edges)
         for edge in self.edges[factors.size() - 1 :]:
             gaussian = noise.Gaussian.Covariance(edge.covariance)
-            model = noise.Robust.Create(robust, gaussian) if edge.is_loop else gaussian
+            is_doubted = is_torn if not edge.is_loop else not edge.is_certain
+            model = noise.Robust.Create(robust, gaussian) if is_doubted else gaussian
             m = edge.measured
             between = gtsam.Pose2(m.x, m.y, m.theta)
             factors.add(gtsam.BetweenFactorPose2(edge.from_, edge.to, between, model))

@@ -14,13 +14,15 @@ from mapcli.algorithms.slam.back_end import BackEndResult
 from mapcli.algorithms.slam.contradictions import compare_scans
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.odometry_check import odometry_reasons
+from mapcli.algorithms.slam.persons_view import PersonsView
 from mapcli.algorithms.slam.scan_sample import ScanSample
 from mapcli.algorithms.slam.slam import Slam, SlamParameters
 from mapcli.algorithms.slam.sweep_search import SweepSearch
-from mapcli.algorithms.slam.verdict import map_reasons, verdict_of
+from mapcli.algorithms.slam.verdict import map_reasons, verdict_of, wrong_lines
 from mapcli.algorithms.slam.wheel_reasons import wheel_reasons
 from mapcli.errors import DataError
 from mapcli.model.grid import GridMap
+from mapcli.model.knowledge import NOTHING_KNOWN, Knowledge
 from mapcli.model.log import Damage
 from mapcli.model.pose import Pose2D
 from mapcli.model.range_reading import GatheredScan
@@ -54,6 +56,7 @@ def replay(
     start: Pose2D | None = None,
     known: GridMap | None = None,
     damage: Damage | None = None,
+    knowledge: Knowledge = NOTHING_KNOWN,
 ) -> Replayed:
     """Turn the records of a log into a map and the robot's trajectory (Algorithm 9.2).
 
@@ -64,6 +67,7 @@ def replay(
             known map it is searched for.
         known: a map to go on from instead of an empty one.
         damage: `damage` of the log that the records are from, for the summary.
+        knowledge: what a person knows of the drive.
 
     Raises:
         DataError: no scan among the records, a known map that cannot be gone on from, or a robot
@@ -75,7 +79,7 @@ def replay(
     run = ReplayRun(Slam(p, start, grid))
     for _ in run.track(records):
         pass
-    run.finalise()
+    run.finalise(knowledge=knowledge)
     return run.result(damage)
 
 
@@ -107,6 +111,7 @@ class ReplayRun:
         self.most_hits = 0
         self._keep, self._scans_read, self._scans_used = keep, 0, 0
         self._sample = ScanSample()
+        self._not_so: list[str] = []
 
     def track(self, records: Iterable[Record]) -> Iterator[TracedPose]:
         """Every scan with its pose, as the log goes on."""
@@ -139,14 +144,25 @@ class ReplayRun:
             self._scans_read += isinstance(record, RangeScan)
             yield record
 
-    def finalise(self, progress: Callable[[int], None] = lambda submap: None) -> None:
+    def finalise(
+        self,
+        progress: Callable[[int], None] = lambda submap: None,
+        knowledge: Knowledge = NOTHING_KNOWN,
+    ) -> None:
         """Close loops and refine all poses; see `Slam.finalise`.
 
         Raises:
-            DataError: the robot was not found in the known map.
+            DataError: the robot was not found in the known map, or a time that a person told is
+                none of the drive.
         """
         self.slam.check_known_map()
-        self.finalised = self.slam.finalise(progress)
+        if knowledge:
+            told = PersonsView.of(knowledge, [("", self.poses)])
+            tracked = self.slam.trajectory
+            self.slam.trajectory, self._not_so = told.followed(
+                tracked, self.slam.parameters.odometry
+            )
+        self.finalised = self.slam.finalise(progress, told.places if knowledge else None)
 
     def stop(self) -> None:
         """After an interruption: take the poses as tracked, and the map that they make."""
@@ -231,16 +247,21 @@ class ReplayRun:
                 compare_scans(sampled, poses),
                 self._remedy(),
                 self.finalised.unjoined if self.finalised else (),
+                self.finalised.begins if self.finalised else (),
+                may_be_told=self.slam.parameters.loops is not None,
             ),
             *wheel_reasons(trace.poses, self.slam.faults.failures),
+            *wrong_lines(self._wrong_lines(), duration_s),
         )
+
+    def _wrong_lines(self) -> list[str]:
+        """What a person told that is not so."""
+        return [*self._not_so, *(self.finalised.wrong_lines if self.finalised else ())]
 
     def _remedy(self) -> str:
         """The option to try where places passed twice do not meet."""
         p = self.slam.parameters
-        if p.loops is not None:
-            return "--no-loop-closing"
-        if self.slam.is_continued:  # no loops are closed then
+        if p.loops is not None or self.slam.is_continued:  # a known map closes no loops
             return ""
         return "--loop-closing" if p.match.search == "window" else "--search window"
 

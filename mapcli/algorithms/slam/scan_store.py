@@ -42,7 +42,7 @@ class ScanStore(Sequence[NDArray[np.float32]]):
     """Arrays of shape (n, columns), float32, one for each scan (stateful: it grows)."""
 
     def __init__(self, columns: int = 2) -> None:
-        self._columns = columns
+        self.columns = columns
         self._blocks: list[_Block] = []
         self._last: list[NDArray[np.float32]] = []
         self._file: IO[bytes] | None = None
@@ -104,9 +104,9 @@ class ScanStore(Sequence[NDArray[np.float32]]):
         if self._read is None or self._read[0] != number:
             assert self._file is not None
             self._file.seek(block.begin)
-            data = bytearray(4 * self._columns * int(block.ends[-1]))
+            data = bytearray(4 * self.columns * int(block.ends[-1]))
             size = self._file.readinto(data)  # type: ignore[attr-defined]
             if size != len(data):
                 raise OSError("a temporary file was cut short")
-            self._read = number, np.frombuffer(data, np.float32).reshape(-1, self._columns)
+            self._read = number, np.frombuffer(data, np.float32).reshape(-1, self.columns)
         return self._read[1]

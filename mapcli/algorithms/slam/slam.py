@@ -29,6 +29,7 @@ from mapcli.algorithms.slam.book_matcher import BookSearch
 from mapcli.algorithms.slam.global_localization import localize_globally
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.known_map_fit import EXPECTED, KnownMapFit
+from mapcli.algorithms.slam.known_places import KnownPlaces
 from mapcli.algorithms.slam.local_map import LocalMap
 from mapcli.algorithms.slam.lost_track import LostTrack
 from mapcli.algorithms.slam.map_refinement import map_from_keyframes
@@ -280,15 +281,21 @@ class Slam:
         loops, keyframes = self.parameters.loops, self.trajectory.keyframes
         return 1 + int(keyframes[-1].metres / SUBMAP_M) if loops and keyframes else 0
 
-    def finalise(self, progress: Callable[[int], None] = lambda step: None) -> BackEndResult | None:
+    def finalise(
+        self,
+        progress: Callable[[int], None] = lambda step: None,
+        places: KnownPlaces | None = None,
+    ) -> BackEndResult | None:
         """Close the loops and refine all poses; None if there is nothing to improve.
 
-        `progress` is called with the number of each submap that was looked at.
+        Args:
+            progress: called with the number of each submap that was looked at.
+            places: that a person knows.
         """
         p = self.parameters
         if p.loops is None or not self.trajectory.keyframes:
             return None
-        return finalise(self.trajectory, p.map, p.loops, p.odometry, progress)
+        return finalise(self.trajectory, p.map, p.loops, p.odometry, progress, places)
 
     def unrefined(self, scans: int) -> BackEndResult | None:
         """The first `scans` poses as they were tracked, and the map of their keyframes: what

@@ -7,10 +7,11 @@ is a reason with its time span; the worst decides.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby, pairwise
 
-from mapcli.algorithms.slam.contradictions import Agreement
+from mapcli.algorithms.slam.contradictions import APART_M, Agreement
 from mapcli.algorithms.slam.sliding import error_over, odometry_error, sliding_stretches
 from mapcli.model.reason import VERDICTS, Reason, ReasonKind, Verdict
 from mapcli.model.scan import NANOSECONDS
@@ -49,6 +50,9 @@ and nothing would tell."""
 APART_S = 10.0
 """Seconds between contradicting scans that are told as one span."""
 
+SEEN_M = 5.0
+"""Metres at which a place of another visit may be the same, in a map that is off."""
+
 MEET_NOT = "walls that another visit saw through: the places do not meet"
 LOST = "walls that scans nearby saw through: tracking was lost"
 CARRIED = "walls that scans just before saw through: the robot was carried, or tracking was lost"
@@ -69,18 +73,25 @@ def map_reasons(
     agreements: Sequence[Agreement],
     remedy: str = "",
     unjoined: Sequence[tuple[int, int]] = (),
+    begins: Sequence[int] = (),
+    *,
+    may_be_told: bool = True,
 ) -> tuple[Reason, ...]:
     """What makes a map doubtful or bad, of the map itself.
 
     Args:
         poses: of every scan, as they are in the map.
         agreements: of some of the scans, in time order.
-        remedy: the option to try where places passed twice do not meet.
+        remedy: the option to try where places passed twice do not meet, if it is not what a person
+            knows of them.
         unjoined: first and last scans of pieces that hang on the rest by odometry alone.
+        begins: first scans of the pieces that begin after one was lost: the robot did not drive
+            there from the scan before.
+        may_be_told: a person may tell what the robot does not know (`slam.known_places`).
     """
     if not poses:
         return ()
-    run = _Run(poses, agreements)
+    run = _Run(poses, agreements, frozenset(begins), may_be_told)
     return (
         *run.contradicting("walls_twice", MEET_NOT, lambda one: one.apart, remedy),
         *run.contradicting("torn", LOST, lambda one: one.near),
@@ -92,6 +103,13 @@ def map_reasons(
     )
 
 
+def wrong_lines(lines: Iterable[str], duration_s: float) -> Iterator[Reason]:
+    """What a person told and scans contradict; the map is made without it."""
+    for line in lines:
+        text = f"{line} is not so: scans contradict it, and the map is made without it"
+        yield Reason("not_so", 0.0, duration_s, text, verdict="doubtful")
+
+
 def verdict_of(reasons: Iterable[Reason]) -> Verdict:
     """The worst that a reason says."""
     return max((one.verdict for one in reasons), key=VERDICTS.index, default="good")
@@ -100,12 +118,20 @@ def verdict_of(reasons: Iterable[Reason]) -> Verdict:
 class _Run:
     """Poses with the seconds and metres until each."""
 
-    def __init__(self, poses: Sequence[TracedPose], agreements: Sequence[Agreement]) -> None:
+    def __init__(
+        self,
+        poses: Sequence[TracedPose],
+        agreements: Sequence[Agreement],
+        begins: frozenset[int],
+        may_be_told: bool,
+    ) -> None:
+        self.may_be_told = may_be_told
         self.poses, self.agreements = poses, agreements
         self.seconds = [(pose.stamp_ns - poses[0].stamp_ns) / NANOSECONDS for pose in poses]
         self.metres = [0.0]
-        for last, pose in pairwise(poses):
-            self.metres.append(self.metres[-1] + last.pose.distance(pose.pose))
+        for k, (last, pose) in enumerate(pairwise(poses), 1):
+            driven = 0.0 if k in begins else last.pose.distance(pose.pose)
+            self.metres.append(self.metres[-1] + driven)
 
     def contradicting(
         self,
@@ -121,7 +147,30 @@ class _Run:
             return
         verdict: Verdict = "bad" if len(against) >= MANY * len(compared) else "doubtful"
         for first, last in _longest(self._spans(against)):
-            yield self._reason(kind, verdict, first, last, text, remedy)
+            told = self._same_place(first) if kind == "walls_twice" else self._trust(first, last)
+            yield self._reason(kind, verdict, first, last, text, remedy or told)
+
+    def _trust(self, first: int, last: int) -> str:
+        """What a person may tell of a span in which the wheels were right."""
+        if not self.may_be_told or self.poses[first].odom is None:
+            return ""
+        begin, end = math.floor(self.seconds[first]), math.ceil(self.seconds[last] + 0.001)
+        return f"--trust-odometry {begin}-{min(end, math.floor(self.seconds[-1]))}"
+
+    def _same_place(self, scan: int) -> str:
+        """What a person may tell of a scan: when, on another visit, the robot seems to have been
+        at the same place; T where nobody knows."""
+        if not self.may_be_told:
+            return ""
+        here = self.poses[scan].pose
+        others = [k for k in range(len(self.poses)) if self._is_apart(k, scan)]
+        nearest = min(others, key=lambda k: self.poses[k].pose.distance(here), default=None)
+        if nearest is None or self.poses[nearest].pose.distance(here) > SEEN_M:
+            return f"--same-place T,{self.seconds[scan]:.1f}"
+        return f"--same-place {self.seconds[nearest]:.1f},{self.seconds[scan]:.1f}"
+
+    def _is_apart(self, one: int, other: int) -> bool:
+        return abs(self.metres[one] - self.metres[other]) > APART_M
 
     def torn(self) -> Iterator[Reason]:
         """Where scans contradict those just before, as they do where a robot was put elsewhere."""
@@ -146,14 +195,16 @@ class _Run:
     def unjoined(self, spans: Sequence[tuple[int, int]]) -> Iterator[Reason]:
         """Pieces of which nobody knows how they lie to the rest."""
         for first, last in spans:
-            yield self._reason("unjoined", "bad", first, last, ELSEWHERE)
+            told = f"--same-place T,{self.seconds[first]:.1f}" if self.may_be_told else ""
+            yield self._reason("unjoined", "bad", first, last, ELSEWHERE, told)
 
     def by_odometry_alone(self) -> Iterator[Reason]:
         """Stretches at which the map said nothing of the robot's pose."""
         spans = self._stretches(lambda pose: pose.status == "odometry")
         for first, last in _longest([span for span in spans if self._way(*span) > ALONE_M]):
             text = f"{self._way(first, last):.0f} m by odometry alone: no scan fitted the map"
-            yield self._reason("odometry_alone", "doubtful", first, last, text)
+            told = self._same_place(last)
+            yield self._reason("odometry_alone", "doubtful", first, last, text, told)
 
     def sliding(self) -> Iterator[Reason]:
         """Stretches where scans do not tell how far the robot has come, and odometry is not to be
@@ -169,7 +220,8 @@ class _Run:
                 way, part = self._way(first, last), f" of {total:.0f} m" if spans[1:] else ""
                 text = f"{way:.0f} m{part} on which scans fit half a metre away as well"
                 text += f": the map may be off by {off:.1f} m"
-                yield self._reason("sliding", verdict, first, last, text)
+                told = self._same_place(last)
+                yield self._reason("sliding", verdict, first, last, text, told)
 
     def never_seen_again(self) -> Iterator[Reason]:
         """Stretches of way that no other visit confirms."""
@@ -177,7 +229,8 @@ class _Run:
         spans = zip([0, *seen], [*seen, len(self.poses) - 1], strict=True)
         for first, last in _longest([s for s in spans if self._way(*s) > UNSEEN_M]):
             text = f"{self._way(first, last):.0f} m on which nothing was seen twice"
-            yield self._reason("unconfirmed", "doubtful", first, last, text)
+            told = self._same_place(last)
+            yield self._reason("unconfirmed", "doubtful", first, last, text, told)
 
     def _stretches(self, is_one: Callable[[TracedPose], bool]) -> list[tuple[int, int]]:
         """Stretches of such scans: the scan before each, from where the robot came, and its last

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
-from conftest import FIXTURES
+from support.apartment import BEDROOM, HALL, KITCHEN, LIVING, STUDY, apartment, way
 from support.looping import (
     Edges,
     drifted,
@@ -20,9 +19,8 @@ from support.looping import (
     worst,
 )
 
-from mapcli import Pose2D, SlamParameters, load_world
+from mapcli import Pose2D, SlamParameters
 from mapcli.algorithms.scans.perception import Perception
-from mapcli.algorithms.scans.ray_casting import edges_of
 from mapcli.algorithms.sessions.drive import Drive, by_age, do_overlap, without_repeats
 from mapcli.algorithms.sessions.join_drives import JointMap, join_drives
 from mapcli.algorithms.sessions.saving import restored, saved
@@ -51,24 +49,6 @@ def through(edges: Edges, true: list[Pose2D], name: str, begin_s: int, drift: fl
     return drive(name, drifted(true, 1.0, drift), [see(edges, pose) for pose in true], begin_s)
 
 
-def way(*corners: tuple[float, float], step: float = 0.25) -> list[Pose2D]:
-    """From corner to corner, looking ahead; turns on the spot."""
-    poses = []
-    for (x, y), (to_x, to_y) in pairwise(corners):
-        heading, metres = math.atan2(to_y - y, to_x - x), math.hypot(to_x - x, to_y - y)
-        for along in np.arange(0.0, metres, step).tolist():
-            poses.append(Pose2D(x, y, heading).compose(Pose2D(along)))
-    return poses
-
-
-@cache
-def apartment() -> Edges:
-    return edges_of(load_world(FIXTURES / "apartment.yaml").world)
-
-
-HALL, BEDROOM, STUDY, LIVING, KITCHEN = (
-    (0.8, 5.0), (3.05, 7.4), (9.2, 7.2), (1.65, 3.0), (9.9, 2.6)
-)  # fmt: skip
 MORNING = way(HALL, (3.05, 5.0), BEDROOM, (3.05, 5.0), (9.2, 5.0), STUDY)
 NOON = way(STUDY, (9.2, 5.0), (9.9, 5.0), KITCHEN, (9.9, 5.0), (3.0, 5.0))
 EVENING = way(LIVING, (1.65, 5.0), (6.0, 5.0), (9.9, 5.0), KITCHEN)

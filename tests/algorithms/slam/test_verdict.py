@@ -48,7 +48,7 @@ def test_contradictions_count_by_their_share(against: range, verdict: Verdict) -
     if found:
         assert found[0].kind == "walls_twice"
         assert (found[0].from_s, found[0].to_s) == (against[0], against[-1])
-        assert found[0].remedy == ""
+        assert found[0].remedy == "--same-place T,20.0"
 
 
 def test_spans_are_parted_where_nothing_contradicts_for_a_while() -> None:
@@ -58,6 +58,19 @@ def test_spans_are_parted_where_nothing_contradicts_for_a_while() -> None:
     spans = [(one.from_s, one.to_s) for one in reasons(driven(100), found)]
     assert spans == [(10, 18), (40, 41)]
     assert reasons(driven(100), found, "--loop-closing")[0].remedy == "--loop-closing"
+
+
+def test_what_a_person_may_tell() -> None:
+    """There and back: the scan at 149 s is 1 m from where the robot was at 50 s."""
+    there = driven(100)
+    back = [
+        replace(one, stamp_ns=(105 + k) * 10**9, pose=Pose2D(one.pose.x, 1.0))
+        for k, one in enumerate(reversed(there))
+    ]
+    found = [Agreement(k, 0.5 if 149 <= k < 170 else 0.0, 0.0) for k in range(200)]
+    (twice,) = reasons([*there, *back], found)
+    assert twice.remedy == "--same-place 50.0,149.0"
+    assert map_reasons([*there, *back], found, may_be_told=False)[0].remedy == ""
 
 
 def test_scans_nearby_tell_that_tracking_was_lost() -> None:
