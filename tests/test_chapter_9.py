@@ -25,7 +25,7 @@ TEXT = PAGE.read_text()
 FOLDER = PAGE.parent / "chapter-9"
 SHOWN = re.findall(r"!\[[^]]+\]\(chapter-9/([\w-]+\.png)\)", TEXT)
 
-DRAWN = {"book.png": "book/map.png", "update.png": "turns/scan-00041-map.png"}
+DRAWN = {"book.png": "book/map.png", "update.png": "turns/scan-00038-map.png"}
 """Picture of the page -> the file that a command draws, where it has another name."""
 
 MOST_BYTES = 400_000

@@ -82,27 +82,31 @@ class Explainer:
 
 def _text(shown: BookExplanation) -> str:
     search, best = shown.search, shown.best
-    vote = search.votes[best.place[0]][best.place[1]]
+    one = search.comparisons[best.place[0]][best.place[1]]
     name = f"{position_name(best.position, 'cell')}, {turn_name(best.turn_deg)}"
-    if not any(best.place):
+    if not one.is_better:
         return (
             f"Odometry is believed: {pose_text(search.predicted)}. No other position is better by "
             "more than chance on the cells that it shares with the odometry's."
         )
-    return (
-        f"Odometry said {pose_text(search.predicted)}. Chosen: {name}. On the {vote.cells:,} places"
-        f" that both expect something of, it agrees with the sensor at {vote.wins} where odometry's"
-        f" pose does not, and the other way round at {vote.losses}."
+    around = "" if search.centre is search.predicted else ", around what was suspected before"
+    told = (
+        f"Odometry said {pose_text(search.predicted)}. Better{around}: {name}. Of the beams or "
+        f"sensors that tell the two apart, {one.votes.wins} speak for it and {one.votes.losses} "
+        "for odometry."
     )
+    if search.is_believed:
+        return told
+    return f"{told} That may be chance: odometry is believed until the next comparison says so too."
 
 
 def _table(shown: BookExplanation) -> list[list[str]]:
-    """The scores, and in brackets for how many more places each position speaks than against."""
+    """The scores, and in brackets how many more beams or sensors speak for each than against."""
     table = shown.table
     better = "lower" if table.similarity in LOWER_IS_BETTER else "higher"
     rows = [[f"{table.similarity} ({better} is better), votes", *map(turn_name, table.columns)]]
     for i, name in enumerate(table.rows):
-        votes = [one.wins - one.losses for one in shown.search.votes[i]]
+        votes = [one.votes.wins - one.votes.losses for one in shown.search.comparisons[i]]
         values = zip(table.values[i], votes, strict=True)
         cells = [f"{number_text(float(value))} ({lead:+d})" for value, lead in values]
         rows.append([position_name(name, "cell"), *cells])
@@ -117,10 +121,10 @@ def _csv(shown: BookExplanation) -> bytes:
     )
     for i, position in enumerate(table.rows):
         for j, turn in enumerate(table.columns):
-            one, vote = table[i, j], shown.search.votes[i][j]
+            one, compared = table[i, j], shown.search.comparisons[i][j]
             best = int((i, j) == shown.search.chosen)
             writer.writerow(
-                (position, f"{turn:g}", number_text(one.score), one.overlap, vote.cells, vote.wins,
-                 vote.losses, best)
+                (position, f"{turn:g}", number_text(one.score), one.overlap, compared.cells,
+                 *compared.votes, best)
             )  # fmt: skip
     return text.getvalue().encode()

@@ -76,6 +76,7 @@ class Perception:
         sweep: when the beams were taken, and from where; None is at once.
         readings: if it is of several sensors, what each of them told, in the same frame: their
             beams have starts of their own, and `laser` is in the middle of these.
+        sensors: which of the sensors told each of the readings, from 0.
         independent: share of the hits that are evidence of their own about the robot's pose: the
             readings of one sensor along a way share its errors, and odometry's.
     """
@@ -85,6 +86,7 @@ class Perception:
     laser: NDArray[np.float64]
     sweep: Sweep | None = None
     readings: tuple[Perception, ...] = ()
+    sensors: tuple[int, ...] = ()
     independent: float = 1.0
 
     def beams(self) -> NDArray[np.float64]:
@@ -126,9 +128,10 @@ def perceive(scan: RangeScan, parameters: PerceptionParameters) -> Perception:
     way are put where they were taken.
     """
     if isinstance(scan, GatheredScan):
-        sensors = {reading.mount for reading, _ in scan.readings}
+        mounts = list(dict.fromkeys(reading.mount for reading, _ in scan.readings))
+        sensors = [mounts.index(reading.mount) for reading, _ in scan.readings]
         readings = [perceive(one, parameters).moved(pose) for one, pose in scan.readings]
-        return _together(readings, len(sensors) / len(readings))
+        return _together(readings, sensors)
     nearest, farthest = range_limits(scan, parameters)
     open_ends = np.empty((0, 2))  # `ignore`
     if parameters.no_return == "clear":
@@ -143,12 +146,14 @@ def perceive(scan: RangeScan, parameters: PerceptionParameters) -> Perception:
     return Sweep(p.beams(), times, scan.motion or STILL).perception(len(p.hits))
 
 
-def _together(readings: Sequence[Perception], independent: float) -> Perception:
+def _together(readings: Sequence[Perception], sensors: Sequence[int]) -> Perception:
     """One perception of what several sensors told, in the same frame."""
+    telling = [k for k, one in enumerate(readings) if len(one.hits) + len(one.open_ends)]
     return Perception(
         np.concatenate([one.hits for one in readings]),
         np.concatenate([one.open_ends for one in readings]),
         np.mean([one.laser for one in readings], axis=0),
-        readings=tuple(one for one in readings if len(one.hits) + len(one.open_ends)),
-        independent=independent,
+        readings=tuple(readings[k] for k in telling),
+        sensors=tuple(sensors[k] for k in telling),
+        independent=len(set(sensors)) / len(readings),
     )

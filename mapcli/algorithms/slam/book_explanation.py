@@ -45,14 +45,14 @@ class BookExplanation:
 
     @property
     def best(self) -> ScoredCandidate:
-        """The position that was chosen."""
+        """The position that was chosen, or is suspected."""
         return self.table[self.search.chosen]
 
 
 def explain(search: BookSearch, grid: OccupancyGrid, similarity: Similarity) -> BookExplanation:
     """Lay out a search, with the map as it is now that line 10 is done."""
     map_ = search.map
-    m, n = ternary_cells(map_), pose_in_cells(map_, search.predicted)
+    m, centre = ternary_cells(map_), pose_in_cells(map_, search.centre)
     after = ternary_cells(map_part(grid, (map_.origin.x, map_.origin.y), m.shape))
     candidates, cell = search.candidates, map_.resolution
     shape = len(candidates.names), len(candidates.turns_deg)
@@ -60,15 +60,15 @@ def explain(search: BookSearch, grid: OccupancyGrid, similarity: Similarity) -> 
     best = np.zeros_like(m)
     for i, j in np.ndindex(shape):
         move = np.append(candidates.offsets[i], math.radians(candidates.turns_deg[j]))
-        p = perception_signs(search.perception, cell, n + move, m.shape)
+        p = perception_signs(search.perception, cell, centre + move, m.shape)
         both = (p != 0) & (m != 0)
         codes = 2 * (p[both] > 0) + (m[both] > 0)
         counts[i, j] = np.bincount(codes, minlength=4).reshape(2, 2)
         if (i, j) == search.chosen:
-            best, robot = p, n + move
+            best, robot = p, centre + move
     table = table_of(
         similarity, candidates, similarity_of_counts(similarity, counts),
-        counts.sum(axis=(2, 3)), CandidateFrame(search.predicted, cell),
+        counts.sum(axis=(2, 3)), CandidateFrame(search.centre, cell),
     )  # fmt: skip
     before, perceived, (left, bottom) = crop_to_perception(m, PerceptionMap(best, 0, 0))
     cropped = after[bottom : bottom + len(before), left : left + before.shape[1]][::-1]

@@ -3,6 +3,10 @@
 They are five positions, the predicted one and the next cells along both axes of the map, at three
 headings each. Each is compared with the odometry's pose, on the places of the perception that both
 let expect something (`similarity.shared_cells`); ties and near-ties go to the odometry.
+
+A majority of the votes that may still be chance makes a test position suspected only: odometry is
+believed, and the next comparison tries the test positions around the suspected one first. While one
+of them has a majority again the votes add up, until they are believed.
 """
 
 from __future__ import annotations
@@ -15,10 +19,21 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.similarity.candidate_poses import Candidates, neighbour_candidates
-from mapcli.algorithms.similarity.shared_cells import Comparison, compare
+from mapcli.algorithms.similarity.measures import Similarity
+from mapcli.algorithms.similarity.shared_cells import (
+    BELIEVED_SIGMAS,
+    Comparison,
+    Signs,
+    Votes,
+    compare,
+)
 from mapcli.algorithms.slam.agreement import agreement
-from mapcli.algorithms.slam.book_perception import expected_places, perceived_places
-from mapcli.algorithms.slam.match import Match, MatchParameters
+from mapcli.algorithms.slam.book_perception import (
+    PerceivedPlaces,
+    expected_places,
+    perceived_places,
+)
+from mapcli.algorithms.slam.match import Alternative, Match, MatchParameters
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.model.grid import GridMap
 from mapcli.model.pose import Pose2D
@@ -37,65 +52,103 @@ class BookSearch:
         map: m, the part of the current map that is looked at, before it is updated: 0 empty, 1
             obstacle, NaN unknown.
         perception: p; predicted: n, the pose by odometry.
-        candidates: T; votes: of each, by position and turn; chosen: position and turn of the best.
+        candidates: T, around `centre`: the odometry's pose, or one that was suspected.
+        comparisons: of each, by position and turn; chosen: position and turn of the best.
+        is_believed: whether that becomes the pose, and is not suspected only.
     """
 
     map: GridMap
     perception: Perception
     predicted: Pose2D
     candidates: Candidates
-    votes: tuple[tuple[Comparison, ...], ...]
+    centre: Pose2D
+    comparisons: tuple[tuple[Comparison, ...], ...]
     chosen: tuple[int, int]
+    is_believed: bool
 
 
 def best_of_fifteen(
-    grid: OccupancyGrid, perception: Perception, predicted: Pose2D, parameters: MatchParameters
+    grid: OccupancyGrid,
+    perception: Perception,
+    predicted: Pose2D,
+    parameters: MatchParameters,
+    suspected: Alternative | None = None,
 ) -> Match:
-    """The best of the test positions: the predicted one, unless another is plainly better."""
+    """The best of the test positions: the predicted one, unless another is plainly better.
+
+    Args:
+        suspected: by the comparison before, and moved by odometry since.
+    """
     turns = dict.fromkeys((0.0, *parameters.turns_deg))  # odometry's heading, first of all
     candidates = neighbour_candidates(parameters.book_steps, tuple(turns))
     cell = grid.parameters.resolution
     reach = float(np.hypot(*perception.beams().T).max())
     reach += (float(np.abs(candidates.offsets).max()) + ROOM) * cell
-    middle = np.array([predicted.x, predicted.y])
-    grid.extend_to(middle - reach, middle + reach)
+    tried = [] if suspected is None else [suspected]
+    tried.append(Alternative(predicted))
+    for one in tried:
+        middle = np.array([one.pose.x, one.pose.y])
+        grid.extend_to(middle - reach, middle + reach)
     n = grid.pose_to_cells(predicted)
     p = perceived_places(perception, cell, n)  # 4
-    similarity, independent = parameters.similarity, perception.independent
-    by_odometry, votes = expected_places(grid, p, n), []
+    by_odometry = expected_places(grid, p, n)
+    for one in tried:
+        centre = grid.pose_to_cells(one.pose)
+        comparisons = _compared(grid, p, by_odometry, centre, candidates, parameters.similarity)
+        i, j = chosen = _best(comparisons)  # 8
+        best, votes = comparisons[i][j], comparisons[i][j].votes.plus(one.votes)
+        if best.is_better:
+            break
+    search = BookSearch(
+        _part(grid, centre, reach / cell), perception, predicted, candidates, one.pose, comparisons,
+        chosen, is_believed=not best.is_better or votes.is_majority(BELIEVED_SIGMAS),
+    )  # fmt: skip
+    return _match(grid, centre, search, votes)
+
+
+def _compared(
+    grid: OccupancyGrid,
+    p: PerceivedPlaces,
+    by_odometry: Signs,
+    centre: Floats,
+    candidates: Candidates,
+    similarity: Similarity,
+) -> tuple[tuple[Comparison, ...], ...]:
+    """Each of the test positions around a pose, compared with the odometry's pose."""
+    rows = []
     for offset in candidates.offsets:  # 5
         row = []
         for turn in candidates.turns_deg:
-            t = n + np.append(offset, math.radians(turn))
+            t = centre + np.append(offset, math.radians(turn))
             e = expected_places(grid, p, t)  # 6
-            row.append(compare(p.signs, e, by_odometry, similarity, independent))  # 7
-        votes.append(tuple(row))
-    chosen = _best(votes)  # 8
-    search = BookSearch(
-        _part(grid, n, reach / cell), perception, predicted, candidates, tuple(votes), chosen
-    )
-    return _match(grid, n, search)
+            row.append(compare(p.signs, e, by_odometry, p.witnesses, similarity))  # 7
+        rows.append(tuple(row))
+    return tuple(rows)
 
 
-def _best(votes: list[tuple[Comparison, ...]]) -> tuple[int, int]:
-    """Position and turn of the best; the first of equals, and the odometry's pose if no other is
-    better."""
+def _best(comparisons: tuple[tuple[Comparison, ...], ...]) -> tuple[int, int]:
+    """Position and turn of the best; the first of equals, and of all if none is better than the
+    odometry's pose."""
     best, lead = (0, 0), 0.0
-    for i, row in enumerate(votes):
+    for i, row in enumerate(comparisons):
         for j, one in enumerate(row):
             if one.is_better and one.lead > lead:
                 best, lead = (i, j), one.lead
     return best
 
 
-def _match(grid: OccupancyGrid, n: Floats, search: BookSearch) -> Match:
+def _match(grid: OccupancyGrid, centre: Floats, search: BookSearch, votes: Votes) -> Match:
     position, turn = search.chosen
     move = [*search.candidates.offsets[position], math.radians(search.candidates.turns_deg[turn])]
-    best = n + np.array(move)
+    is_odometry = search.centre is search.predicted and not any(move)
+    best = search.predicted if is_odometry else grid.pose_from_cells(centre + np.array(move))
+    pose = best if search.is_believed else search.predicted
     hits = search.perception.hits / grid.parameters.resolution
-    score, known, conflicts = agreement(grid, hits, best)
-    pose = grid.pose_from_cells(best) if any(move) else search.predicted
-    return Match(pose, score, known, known > 0, free_space_conflicts=conflicts, search=search)
+    score, known, conflicts = agreement(grid, hits, grid.pose_to_cells(pose))
+    return Match(
+        pose, score, known, known > 0, free_space_conflicts=conflicts, search=search,
+        alternative=None if search.is_believed else Alternative(best, votes=votes),
+    )  # fmt: skip
 
 
 def _part(grid: OccupancyGrid, n: Floats, reach: float) -> GridMap:

@@ -19,11 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
-from mapcli.algorithms.similarity.perception_map import perception_map, scan_outline
+from mapcli.algorithms.similarity.perception_map import (
+    CLEAR,
+    CLEAR_M,
+    perception_map,
+    scan_outline,
+)
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 
 Floats = NDArray[np.float64]
 Signs = NDArray[np.int8]
+Numbers = NDArray[np.int64]
 
 SAME = 1e-9
 """Cells that two ends lie apart, at least, to show which way a wall runs."""
@@ -35,11 +41,13 @@ class PerceivedPlaces(NamedTuple):
     Attributes:
         places: shape (n, 2), the ends of beams first; signs: shape (n,), +1 for these, obstacles,
             and -1 for the middles of empty cells.
+        witnesses: shape (n,), which beam saw the place; of a few sensors, which sensor.
         fronts: shape (k, 2), for each end the place one cell before it, square to the wall.
     """
 
     places: Floats
     signs: Signs
+    witnesses: Numbers
     fronts: Floats
 
 
@@ -52,19 +60,64 @@ def perceived_places(perception: Perception, cell: float, pose: Floats) -> Perce
     parts = perception.parts()
     ends = perception.hits / cell
     lasers = np.repeat([part.laser / cell for part in parts], [len(p.hits) for p in parts], axis=0)
-    empty = np.concatenate([_empty_cells(part, cell, pose) for part in parts])
-    middles = np.unique(empty, axis=0) + 0.5
-    places = np.concatenate([ends, (middles - pose[:2]) @ _rotation(pose[2])])
-    signs = np.full(len(places), -1, np.int8)
+    if perception.readings:
+        empty, witnesses = _passed(perception, cell)
+    else:
+        empty = _empty_middles(perception, cell, pose)
+        witnesses = np.append(np.arange(len(ends)), _nearest_beams(perception, cell, empty))
+    signs = np.full(len(ends) + len(empty), -1, np.int8)
     signs[: len(ends)] = 1
-    return PerceivedPlaces(places, signs, ends + _towards(ends, lasers))
+    fronts = ends + _towards(ends, lasers)
+    return PerceivedPlaces(np.concatenate([ends, empty]), signs, witnesses, fronts)
 
 
-def _empty_cells(part: Perception, cell: float, pose: Floats) -> NDArray[np.int64]:
-    """(u, v) of the cells that beams with one start show to be empty, shape (n, 2)."""
-    drawn = perception_map(scan_outline(part, cell, walls="ends"), pose, compiled=True)
+def _passed(perception: Perception, cell: float) -> tuple[Floats, Numbers]:
+    """Of a few sensors: places along their beams, a cell apart, since what lies between the beams
+    nobody saw; and the witnesses, of the ends first."""
+    passed = [_along_beams(one, cell) for one in perception.readings]
+    sensors = np.array(perception.sensors, np.int64)
+    of_ends = np.repeat(sensors, [len(one.hits) for one in perception.readings])
+    of_empty = np.repeat(sensors, [len(one) for one in passed])
+    return np.concatenate(passed), np.append(of_ends, of_empty)
+
+
+def _along_beams(reading: Perception, cell: float) -> Floats:
+    """Places that beams with one start passed, in cells, shape (n, 2): up to where they ended."""
+    places = [np.empty((0, 2))]
+    clear = CLEAR + CLEAR_M / cell, 0.0
+    for far, before in zip((reading.hits, reading.open_ends), clear, strict=True):
+        for ray in (far - reading.laser) / cell:
+            length = math.hypot(*ray)
+            steps = np.arange(0.5, length - before)
+            places.append(reading.laser / cell + steps[:, None] * (ray / max(length, SAME)))
+    return np.concatenate(places)
+
+
+def _empty_middles(scan: Perception, cell: float, pose: Floats) -> Floats:
+    """Middles of the cells that a scan shows to be empty, in the robot's frame, shape (n, 2)."""
+    drawn = perception_map(scan_outline(scan, cell, walls="ends"), pose, compiled=True)
     rows, columns = np.nonzero(drawn.values < 0)
-    return np.column_stack([columns + drawn.left, rows + drawn.bottom])
+    middles = np.column_stack([columns + drawn.left, rows + drawn.bottom]) + 0.5
+    return (middles - pose[:2]) @ _rotation(pose[2])
+
+
+def _nearest_beams(scan: Perception, cell: float, places: Floats) -> Numbers:
+    """For each place the number of the beam that points there best, hits first."""
+    bearings = _bearings(scan.beams()[:-1] - scan.laser)
+    if not len(bearings):
+        return np.zeros(len(places), np.int64)
+    order = np.argsort(bearings, kind="stable")
+    around = bearings[order]
+    around = np.concatenate([around[-1:] - math.tau, around, around[:1] + math.tau])
+    middles = (around[1:] + around[:-1]) / 2
+    found = np.searchsorted(middles, _bearings(places - scan.laser / cell)) - 1
+    nearest: Numbers = order[found % len(order)]
+    return nearest
+
+
+def _bearings(rays: Floats) -> Floats:
+    bearings: Floats = np.arctan2(rays[:, 1], rays[:, 0])
+    return bearings
 
 
 def perception_signs(
@@ -106,7 +159,7 @@ def _towards(ends: Floats, lasers: Floats) -> Floats:
     """Unit vectors from ends of beams to the side that their laser is on, square to the wall: to
     the line to the nearer one of the neighbouring ends."""
     rays = ends - lasers
-    order = np.argsort(np.arctan2(rays[:, 1], rays[:, 0]), kind="stable")
+    order = np.argsort(_bearings(rays), kind="stable")
     after = np.roll(ends[order], -1, axis=0) - ends[order]
     before = np.roll(after, 1, axis=0)
     along = np.where((_length(before) < _length(after))[:, None], before, after)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from mapcli.algorithms.similarity.measures import Similarity
+from mapcli.algorithms.similarity.shared_cells import Votes
 from mapcli.model.perception import STEPS, TURNS_DEG
 from mapcli.model.pose import Pose2D
 from mapcli.model.se2_uncertainty import InformationMatrix
@@ -64,10 +65,12 @@ class Alternative(NamedTuple):
     Attributes:
         pose: in the map, as far as odometry has moved it by now.
         evidence: how much better the scans fit there, nats.
+        votes: for it and for odometry, where scans are compared as `book` does.
     """
 
     pose: Pose2D
-    evidence: float
+    evidence: float = 0.0
+    votes: Votes = Votes(0, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,5 +120,5 @@ class MatchHistory:
             return self
         if motion is None:
             return MatchHistory(self.running_score)
-        pose, evidence = self.alternative
-        return MatchHistory(self.running_score, Alternative(pose.compose(motion), evidence))
+        moved = self.alternative.pose.compose(motion)
+        return MatchHistory(self.running_score, self.alternative._replace(pose=moved))

@@ -113,7 +113,8 @@ def match_scan(
     if parameters.search == "none":
         return Match(predicted, 0.0, 0, found=False)
     if parameters.search == "book":
-        return best_of_fifteen(grid, perception, predicted, parameters)
+        suspected = history.alternative if history else None
+        return best_of_fifteen(grid, perception, predicted, parameters, suspected)
     scan = ScanInMap(grid, perception, parameters)
     if not scan.has_enough_points:
         return Match(predicted, 0.0, 0, found=False)

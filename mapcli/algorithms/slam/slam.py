@@ -128,6 +128,7 @@ class Slam:
         counted = self.odometry.motion(scan.stamp_ns, odom)  # 2: the robot has moved a little
         motion = self.faults.motion(scan.stamp_ns, counted)
         n = c.compose(motion or Pose2D())  # 3: new position based on odometry
+        self._history = self._history.moved(motion)
         is_matched = self.is_continued or self.parameters.is_matched(scan)
         is_used = is_matched or self.local_map.is_due(n, scan.mount)
         p = self._perceive(scan) if is_used else NOTHING_SEEN  # 4: analyze sensor data
@@ -140,7 +141,6 @@ class Slam:
         ):  # 5-8: the best pose near n
             uncertainty = self.odometry.uncertainty(motion)
             uncertainty = replace(uncertainty, since_known=self.lost.deviations)
-            self._history = self._history.moved(motion)
             p, b = self._match(scan, odom, p, n, uncertainty)
             if self._detects_faults:
                 scan_in_map = ScanInMap(self.map, p, self.parameters.match)

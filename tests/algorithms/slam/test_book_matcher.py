@@ -9,9 +9,14 @@ import pytest
 from support.corner_room import START, driven
 from support.room import HERE, NARROW, assert_at, look, mapped, moved, seen
 
+from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.similarity.measures import SIMILARITIES, Similarity
 from mapcli.algorithms.slam.book_matcher import best_of_fifteen
-from mapcli.algorithms.slam.book_perception import PerceivedPlaces, expected_places
+from mapcli.algorithms.slam.book_perception import (
+    PerceivedPlaces,
+    expected_places,
+    perceived_places,
+)
 from mapcli.algorithms.slam.match import MatchParameters
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.scan_matcher import match_scan
@@ -59,7 +64,7 @@ def test_what_is_expected_behind_a_wall_is_nothing() -> None:
     grid.log_odds[cells[1], cells[0] : cells[0] + 3] = -100
     grid.log_odds[cells[1], cells[0] + 3] = 100
     ends = np.array([[3.5, 0.5], [4.5, 0.5], [3.5, 1.5], [2.5, 0.5]])
-    p = PerceivedPlaces(ends, np.ones(4, np.int8), ends - (1, 0))
+    p = PerceivedPlaces(ends, np.ones(4, np.int8), np.arange(4), ends - (1, 0))
     pose = np.array([*cells[:2], 0.0])
     assert expected_places(grid, p, pose).tolist() == [1, -1, 0, -1]
 
@@ -79,3 +84,54 @@ def test_a_wheel_that_slips_is_found_out(similarity: Similarity, cells: int) -> 
     found = driven([*counted[:-1], turned], counted, similarity, START)[-1]
     assert found.distance(turned) < 0.5
     assert abs(math.degrees(found.between(turned).theta)) < 7.5
+
+
+def test_what_may_be_chance_waits_for_a_second_look() -> None:
+    """Twelve beams, of which five speak for the cell to the right and one against it: a majority of
+    less than two standard deviations. Twice the same is more."""
+    few, tried = seen(look(HERE).hits[::20]), moved(HERE, -0.2, 0, 0)
+    grid = mapped(resolution=0.2)
+    first = best_of_fifteen(grid, few, tried, BOOK)
+    assert first.pose == tried
+    suspected = first.alternative
+    assert suspected is not None
+    assert suspected.pose.distance(HERE) < 1e-9
+    assert suspected.votes == (5, 1)
+    again = best_of_fifteen(grid, few, tried, BOOK, suspected)
+    assert_at(again, HERE, xy=1e-9, degrees=1e-9)
+    assert again.alternative is None
+    no_more = best_of_fifteen(grid, seen(look(tried).hits[::20]), tried, BOOK, suspected)
+    assert no_more.pose == tried
+    assert no_more.alternative is None
+
+
+def test_places_of_a_few_sensors_lie_on_their_beams() -> None:
+    """Two readings of sensor 0 ahead and one of sensor 1 to the left, in cells of 0.1 m."""
+    ahead = [
+        Perception(np.array([[0.5, y]]), np.empty((0, 2)), np.array([0.0, y])) for y in (0, 0.2)
+    ]
+    left = Perception(np.empty((0, 2)), np.array([[0.0, 0.3]]), np.zeros(2))
+    p = Perception(
+        np.concatenate([one.hits for one in ahead]), left.open_ends, np.zeros(2),
+        readings=(*ahead, left), sensors=(0, 0, 1),
+    )  # fmt: skip
+    places, signs, witnesses, _ = perceived_places(p, 0.1, np.zeros(3))
+    row = np.array([0.5, 1.5, 2.5, 3.5])  # the wall is at 5; half a cell and a centimetre are left
+    empty = [*((u, 0) for u in row), *((u, 2) for u in row), (0, 0.5), (0, 1.5), (0, 2.5)]
+    assert places == pytest.approx(np.array([(5, 0), (5, 2), *empty]))
+    assert signs.tolist() == [1, 1] + [-1] * 11
+    assert witnesses.tolist() == [0, 0] + [0] * 8 + [1] * 3
+
+
+def test_cells_of_a_scan_were_seen_by_the_nearest_beam() -> None:
+    """A fan of beams every half degree, against the nearest one by its angle."""
+    bearings = np.radians(np.arange(-180, 180, 0.5))
+    p = seen([(2 * math.cos(b), 2 * math.sin(b)) for b in bearings], [])
+    places, signs, witnesses, _ = perceived_places(p, 0.05, np.array([0.3, 0.4, 0.2]))
+    assert witnesses[: len(bearings)].tolist() == list(range(len(bearings)))
+    empty = places[signs < 0]
+    rays = np.arctan2(empty[:, 1], empty[:, 0])
+    off = np.abs((rays[:, None] - bearings + math.pi) % math.tau - math.pi)
+    chosen = off[np.arange(len(empty)), witnesses[signs < 0]]
+    assert len(empty) > 4000
+    assert chosen == pytest.approx(off.min(axis=1), abs=1e-9)
