@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from mapcli.errors import FormatError
-from mapcli.formats.file_role import FileKind, Role
+from mapcli.formats.file_role import FileKind, LogFormat, Role, log_format_of
 from mapcli.formats.input import first_bytes
 from mapcli.formats.packed import packing_of, unpacked_start
 from mapcli.formats.text_kind import kind_of_text
@@ -31,12 +31,7 @@ __all__ = [
 ]
 
 
-SQLITE = b"SQLite format 3"
-
 MAGIC = (
-    (b"\x89MCAP0", FileKind("an MCAP log", Role.LOG)),
-    (b"#ROSBAG V", FileKind("a ROS 1 bag", Role.LOG)),
-    (SQLITE, FileKind("a ROS 2 bag in SQLite", Role.LOG)),
     (b"P2", FileKind("a PGM map", Role.MAP)),
     (b"P5", FileKind("a PGM map", Role.MAP)),
     (b"\x89PNG", FileKind("a PNG image", Role.MAP)),
@@ -53,7 +48,7 @@ MAGIC = (
     (b"version https://git-lfs", FileKind("a Git LFS pointer", Role.OTHER,
                                           "fetch the file itself with git lfs pull")),
 )  # fmt: skip
-"""First bytes -> what they are the first bytes of."""
+"""First bytes -> what they are the first bytes of; those of logs are in `LOG_MAGIC`."""
 
 PICTURE_MARK = "mapcli, a picture"
 """In the PNG files of pictures that mapcli draws: as maps they would be misread."""
@@ -121,7 +116,7 @@ def kind_at(file: str | Path) -> FileKind | None:
 
 def is_state(start: bytes) -> bool:
     """Whether an MCAP file with these first bytes is the state of a map."""
-    return start.startswith(b"\x89MCAP0") and STATE_PROFILE.encode() in start[:100]
+    return log_format_of(start) is LogFormat.MCAP and STATE_PROFILE.encode() in start[:100]
 
 
 def kind_of(start: bytes, name: str = "") -> FileKind | None:
@@ -136,8 +131,11 @@ def kind_of(start: bytes, name: str = "") -> FileKind | None:
         return DRAWN
     if is_state(start):
         return STATE
-    if start.startswith(SQLITE) and b"CREATE TABLE" in start.upper() and b"topics" not in start:
-        return FileKind("an SQLite database, and no ROS 2 bag", Role.OTHER)
+    if log_format := log_format_of(start):
+        is_database = log_format is LogFormat.SQLITE and b"CREATE TABLE" in start.upper()
+        if is_database and b"topics" not in start:
+            return FileKind("an SQLite database, and no ROS 2 bag", Role.OTHER)
+        return log_format.kind
     for magic, kind in MAGIC:
         if start.startswith(magic):
             return kind

@@ -40,3 +40,33 @@ class FileKind:
 
     def __str__(self) -> str:
         return f"{self.name}; {self.advice or self.role.value}"
+
+
+class LogFormat(Enum):
+    """A format of logs; the value names one, as `FileKind.name`."""
+
+    MCAP = "an MCAP log"
+    BAG = "a ROS 1 bag"
+    SQLITE = "a ROS 2 bag in SQLite"
+    CARMEN = "a CARMEN log"
+    CSV = "a CSV log of a robot"
+
+    @property
+    def kind(self) -> FileKind:
+        return FileKind(self.value, Role.LOG)
+
+
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+"""How an MCAP file begins and ends; the end of line is there to be broken by what converts text."""
+
+LOG_MAGIC = {
+    MCAP_MAGIC.rstrip(): LogFormat.MCAP,
+    b"#ROSBAG V": LogFormat.BAG,
+    b"SQLite format 3": LogFormat.SQLITE,
+}
+"""First bytes of a log of messages -> its format. CARMEN logs and CSV are text."""
+
+
+def log_format_of(start: bytes) -> LogFormat | None:
+    """The format of a log of messages that begins so; None of another file."""
+    return next((one for magic, one in LOG_MAGIC.items() if start.startswith(magic)), None)

@@ -21,8 +21,7 @@ from typing import IO, cast
 from mapcli.errors import FormatError
 
 GZIP_MAGIC = b"\x1f\x8b"
-MCAP_MAGIC = b"\x89MCAP0\r\n"
-"""How files of these formats start."""
+"""How files of gzip start."""
 
 SPOOLED_BYTES = 1 << 16
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 from math import hypot
 from pathlib import Path
 
-from mapcli.formats.file_role import FileKind, Role
+from mapcli.formats.file_role import FileKind, LogFormat, Role
 from mapcli.formats.input import SNIFFED_BYTES
 
 WEB_PAGE = FileKind("a web page", Role.OTHER, "download the file itself")
@@ -64,7 +64,7 @@ def kind_of_text(start: bytes, name: str) -> FileKind | None:
     if GFS.search(start.replace(b"\r", b"\n")):
         return FileKind("a GMapping log (.gfs)", Role.LOG)
     if CARMEN.search(start.replace(b"\r", b"\n")):
-        return FileKind("a CARMEN log", Role.LOG)
+        return LogFormat.CARMEN.kind
     if found := DOCUMENT.search(start[:1000]):
         form = found[1].decode()
         if form == "pose-trace":
@@ -89,7 +89,7 @@ def _kind_of_lines(start: bytes, name: str) -> FileKind | None:
     if any(line.startswith("VERTEX_SE") for line in whole):
         return FileKind("a g2o trace", Role.TRACE)
     if looks_like_robot_csv(start):
-        return FileKind("a CSV log of a robot", Role.LOG)
+        return LogFormat.CSV.kind
     for head, table in TABLES.items():
         if whole and whole[0].startswith(head):
             return FileKind(f"a {table} in CSV", Role.DOCUMENT, "spreadsheets read it")

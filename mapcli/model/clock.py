@@ -7,6 +7,9 @@ from typing import Any, Literal
 
 from mapcli.model.scan import Odometry, RangeScan, Record
 
+NEAR_DELAY_NS = 100_000_000
+"""Recorders are late by less than this more or less."""
+
 
 @dataclass
 class Clock:
@@ -48,6 +51,11 @@ class Delay:
             self.most_ns = delay_ns
         self.count += 1
         self.total_ns += delay_ns
+
+    def is_usual(self, delay_ns: int) -> bool:
+        """Whether a delay is about one of those seen, if any were."""
+        near = self.least_ns - NEAR_DELAY_NS <= delay_ns <= self.most_ns + NEAR_DELAY_NS
+        return near or not self.count
 
     @property
     def mean_s(self) -> float:

@@ -47,7 +47,7 @@ def said_in(path: Path, seconds: float = math.inf, *topics: str) -> list[Said]:
     wanted = {k for k, one in file.streams.items() if not topics or one.topic in topics}
     return [
         Said(stream.topic, stream.type, time, HUMBLE.deserialize_cdr(bytes(data), stream.type))
-        for time, number, data, _ in file.messages(wanted, Damage())
+        for time, number, data, *_ in file.messages(wanted, Damage())
         if time - start < seconds * 1e9
         for stream in [file.streams[number]]
     ]

@@ -14,7 +14,6 @@ from mapcli.errors import FormatError
 from mapcli.formats.documents.json_document import read_document
 from mapcli.formats.documents.load_trajectory import (
     LoadedTrajectory,
-    is_log_of_messages,
     logged_trajectory,
 )
 from mapcli.formats.documents.pose_trace import (
@@ -32,6 +31,7 @@ from mapcli.formats.documents.trajectory_text import (
     read_text_trace,
 )
 from mapcli.formats.file_kind import Role, expecting
+from mapcli.formats.file_role import log_format_of
 from mapcli.formats.input import read_file, sha256_of, unpacked
 from mapcli.model.isometry import Isometry
 from mapcli.model.pose import Pose2D
@@ -129,7 +129,7 @@ def load_trace(path: str | Path, topic: str | None = None) -> LoadedTrace:
     with expecting(file, "a trace", Role.TRACE):
         packed = read_file(Path(file), EXPECTED)
         data, digest = unpacked(packed, file), sha256_of(packed)
-        is_log = is_log_of_messages(data)
+        is_log = log_format_of(data) is not None
         if topic is not None and not is_log:
             raise FormatError(f"has no topic {topic}", file=file, expected="a log of messages")
         if data.lstrip()[:1] == b"{":

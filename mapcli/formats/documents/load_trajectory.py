@@ -19,6 +19,7 @@ from mapcli.errors import FormatError
 from mapcli.formats.documents.pose_trace import read_trace_poses
 from mapcli.formats.documents.trajectory_text import EXPECTED, read_trajectory
 from mapcli.formats.file_kind import Role, expecting
+from mapcli.formats.file_role import log_format_of
 from mapcli.formats.input import SNIFFED_BYTES, read_file, sha256_of, spooled, unpacked
 from mapcli.model.trajectory import Trajectory
 
@@ -56,16 +57,9 @@ def load_trajectory(path: str | Path, topic: str | None = None) -> LoadedTraject
         data, digest = unpacked(packed, path), sha256_of(packed)
         if (truth := _true_poses(data, topic)) is not None:
             return LoadedTrajectory(truth, digest)
-        if not is_log_of_messages(data):
+        if log_format_of(data) is None:
             return LoadedTrajectory(_from_text(data, path, topic), digest)
     return logged_trajectory(path, topic, data, digest)
-
-
-def is_log_of_messages(data: bytes) -> bool:
-    """Whether a file begins like a log of messages."""
-    from mapcli.formats.logs.open_log import MAGICS
-
-    return data.startswith(tuple(MAGICS))
 
 
 def _true_poses(data: bytes, topic: str | None) -> Trajectory | None:

@@ -105,10 +105,11 @@ class Continuity:
             place: tells where the last record was.
         """
         for record in records:
-            if isinstance(record, Odometry):
-                self._add_odometry(record, place())
-            elif isinstance(record, RangeScan):
-                self._add_scan(record, place().part)
+            at = place()
+            if isinstance(record, Odometry) and not at.is_damaged:
+                self._add_odometry(record, at)
+            elif isinstance(record, RangeScan) and not at.is_damaged:
+                self._add_scan(record, at.part)
             yield record
 
     def _add_scan(self, scan: RangeScan, part: int) -> None:

@@ -71,7 +71,7 @@ class Log(ABC):
         delays: topic -> how much later than stamped its messages were recorded.
         clock: which times the records have.
         outside: scans, of those asked for, that odometry says nothing about.
-        part: number of the file of the last record, in the order of recording.
+        part: number of the file of the last record as recorded; is_damaged: there.
         scans_are: what scans look like in this format, for messages.
     """
 
@@ -89,7 +89,7 @@ class Log(ABC):
         self.delays: dict[str, Delay] = {}
         self.outside = ScansOutside()
         self.clock = Clock()
-        self.part, self._start_ns = 0, 0
+        self.part, self.is_damaged, self._start_ns = 0, False, 0
         self._continuity = Continuity()
         self.laser_pose = options.laser_pose and rounded_mount(options.laser_pose)
 
@@ -220,7 +220,8 @@ class Log(ABC):
             refuse_overlap([Part(source.name, source.path, spans) for source, spans in parts])
         scans, self._start_ns, codes = 0, -1, NoReturnFilter()
         watched = self._continuity.watched(
-            with_stamps(self._records()), lambda: Place(self.part, self.clock.steps)
+            with_stamps(self._records()),
+            lambda: Place(self.part, self.clock.steps, self.is_damaged),
         )
         try:
             ordered = codes.records(self._in_stamp_order(watched), self.beams)

@@ -20,14 +20,12 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from mapcli.formats.logs.clock_faults import APART_S, FEWEST, REPEATED_SHARE
+from mapcli.formats.logs.decoded_messages import Decoded
 from mapcli.formats.logs.odometry_track import SET_BACK_S
 from mapcli.formats.logs.recording_break import duration
 from mapcli.model.clock import Clock, Delay
 from mapcli.model.log import MissedScans, Topic
 from mapcli.model.scan import LATEST_STAMP_S, NANOSECONDS
-
-Decoded = tuple[int, Topic, Any, int]
-"""Log time, topic, message or missed scans, number of the file."""
 
 FIRST_MESSAGES = 500
 """Are looked at before the first is given out: some ten seconds."""
@@ -39,6 +37,9 @@ next, was set; or the message came late."""
 OTHER_RATE = 1.05
 """Clocks of topics of which one goes so much faster than the other are not the same. No quartz is
 off by a thousandth, but times of recording are off by tenths of a second."""
+
+IMPOSSIBLE = -1
+"""A time that there is not."""
 
 NO_RATE = 30.0
 """Logs are played, and recorded again, faster or slower than they were; not so much."""
@@ -97,11 +98,12 @@ class MessageClocks:
         for name, rows in kinds.items():
             usual = [row.log_time - row.stamp for row in rows[:FEWEST]]
             self._topics[name] = _TopicClock(round(float(np.median(usual))), 0)
-        for log_time, topic, message, part in chain(first, rest):
-            if isinstance(message, MissedScans):
-                yield log_time, topic, message, part
-            else:
-                yield self._time(message.stamp_ns, log_time, topic.name), topic, message, part
+        for log_time, topic, message, part, doubtful in chain(first, rest):
+            time = log_time
+            if not isinstance(message, MissedScans):
+                known = self._time_beside_damage if doubtful else self._time
+                time = known(message.stamp_ns, log_time, topic.name)
+            yield time, topic, message, part, doubtful
 
     def _time(self, stamp: int, log_time: int, topic: str) -> int:
         """When a message is from, nanoseconds; also counts its delay."""
@@ -117,6 +119,15 @@ class MessageClocks:
         if not (is_possible and stamp and self._is_free):
             return stamp or log_time
         return self._on_one_clock(stamp, log_time, topic)
+
+    def _time_beside_damage(self, stamp: int, log_time: int, topic: str) -> int:
+        """When a doubtful message is from: never, where its stamp is off from when it was recorded
+        by more than those of others. It tells nothing about the clocks."""
+        if self.clock.source == "log" or not stamp:
+            return log_time
+        own = self._topics.get(topic)
+        is_usual = self.delays[topic].is_usual(log_time - stamp)
+        return stamp + (own.shift if own else 0) if is_usual else IMPOSSIBLE
 
     def _on_one_clock(self, stamp: int, log_time: int, topic: str) -> int:
         """The time of a message, on the clock that the log began with."""
@@ -147,8 +158,9 @@ class MessageClocks:
 def _by_topic(messages: Sequence[Decoded]) -> dict[str, list[_Row]]:
     """Those with a possible stamp."""
     kinds: dict[str, list[_Row]] = {}
-    for log_time, topic, message, _ in messages:
-        if not isinstance(message, MissedScans) and _is_possible(message.stamp_ns):
+    for log_time, topic, message, _, doubtful in messages:
+        is_sound = not doubtful and not isinstance(message, MissedScans)
+        if is_sound and _is_possible(message.stamp_ns):
             row = _Row(message.stamp_ns, log_time, _content(message))
             kinds.setdefault(topic.name, []).append(row)
     return kinds

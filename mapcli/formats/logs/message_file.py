@@ -31,12 +31,17 @@ class Stream(NamedTuple):
 
 
 class Message(NamedTuple):
-    """A message as stored; `data` may be a view into its chunk. Or so many that are lost here."""
+    """A message as stored; `data` may be a view into its chunk. Or so many that are lost here.
+
+    Attributes:
+        doubtful: what it is in is damaged; so it may be, too.
+    """
 
     log_time_ns: int
     channel: int
     data: memoryview
     lost: int = 0
+    doubtful: bool = False
 
 
 def most_of(told: dict[int, int], found: dict[int, int]) -> dict[int, int]:

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from heapq import merge
-from operator import itemgetter
 
 from mapcli.errors import DataError
+from mapcli.formats.logs.decoded_messages import Decoded, decoded
 from mapcli.formats.logs.log import Log, Source
-from mapcli.formats.logs.losses import LOST_SCANS
-from mapcli.formats.logs.message_clock import Decoded, MessageClocks
+from mapcli.formats.logs.message_clock import MessageClocks
 from mapcli.formats.logs.message_file import MessageFile
 from mapcli.formats.logs.message_kinds import (
-    decoder_of,
     kind_of_type,
-    unpacked,
 )
 from mapcli.formats.logs.mounts import describe_mount
 from mapcli.formats.logs.one_recording import Spans
@@ -113,42 +109,17 @@ class MessageLog(Log):
     def _frame(self, topic: Topic) -> str:
         """The frame in the first message of a topic; of odometry, the child."""
         attribute = "frame" if topic.role in SCANS else "child"
-        for _, _, message, _ in self._messages([topic], Damage()):
+        for _, _, message, _, _ in self._messages([topic], Damage()):
             if not isinstance(message, MissedScans):
                 return str(getattr(message, attribute))
         return ""
 
     def _transforms(self, topics: Sequence[Topic]) -> Iterator[Transform]:
-        for _, _, message, _ in self._messages(topics, Damage()):
+        for _, _, message, _, _ in self._messages(topics, Damage()):
             yield from message
 
     def _messages(self, topics: Sequence[Topic], damage: Damage) -> Iterator[Decoded]:
-        """The messages of these topics, decoded, by log time over all files."""
-        parts = [self._decoded(part, topics, damage) for part in range(len(self._files))]
-        return merge(*parts, key=itemgetter(0)) if len(parts) > 1 else parts[0]
-
-    def _decoded(self, part: int, topics: Sequence[Topic], damage: Damage) -> Iterator[Decoded]:
-        file = self._files[part]
-        carried = {
-            number: (topic, decoder_of(topic, file.streams[number]))
-            for topic in topics
-            for carrier, number in self._topics[topic]
-            if carrier is file
-        }
-        scans = {number for number, (topic, _) in carried.items() if topic.role in SCANS}
-        for log_time, number, data, lost in file.messages(set(carried), damage, scans):
-            topic, decoder = carried[number]
-            if lost:
-                yield log_time, topic, MissedScans(LOST_SCANS, lost=True, count=lost), part
-                continue
-            try:
-                yield log_time, topic, decoder(unpacked(data)), part
-            except ValueError:
-                where = f"at {log_time / NANOSECONDS:.3f} s"
-                what = f"messages on {topic.name} without readable content"
-                damage.add(what, file=file.source.name, where=where)
-                if topic.role in SCANS:
-                    yield log_time, topic, MissedScans(what, lost=True), part
+        return decoded(self._files, {topic: self._topics[topic] for topic in topics}, damage)
 
     def _part_spans(self) -> list[Spans]:
         wanted = [*self.require_scan_topics(), *filter(None, [self.find_odom_topic()])]
@@ -181,8 +152,8 @@ class MessageLog(Log):
         mounts: dict[Place, Mount] = {}
         turns = defaultdict[Topic, TurnAssembler](TurnAssembler)
         sensors = RangeTopics(self, robot)
-        for stamp, topic, message, part in clocks.timed(self._followed(wanted, robot)):
-            self.part = part
+        for stamp, topic, message, part, doubtful in clocks.timed(self._followed(wanted, robot)):
+            self.part, self.is_damaged = part, doubtful
             if isinstance(message, MissedScans):
                 yield message
                 continue
@@ -223,12 +194,12 @@ class MessageLog(Log):
     def _followed(self, wanted: Sequence[Topic], robot: Robot) -> Iterator[Decoded]:
         """The messages; of transforms, the robot's poses by odometry that they make."""
         transforms = TfOdometry(robot) if any(topic.role == "tf" for topic in wanted) else None
-        for log_time, topic, message, part in self._messages(wanted, self.damage):
+        for log_time, topic, message, part, doubtful in self._messages(wanted, self.damage):
             if transforms is not None and topic.role == "tf":
                 message = transforms.follow(message)
                 if message is None:
                     continue
-            yield log_time, topic, message, part
+            yield log_time, topic, message, part, doubtful
 
     def _impossible(self, stamp_ns: int, topic: Topic) -> MissedScans:
         what = f"messages on {topic.name} with an impossible stamp, dropped"

@@ -33,10 +33,12 @@ class Place(NamedTuple):
     Attributes:
         part: number of its file.
         steps: times that a clock was set before it, which was taken out of the stamps.
+        is_damaged: what was read there is no sign of another recording.
     """
 
     part: int = 0
     steps: int = 0
+    is_damaged: bool = False
 
 
 @dataclass

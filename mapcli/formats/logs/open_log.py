@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Literal
 
 from mapcli.errors import FormatError
 from mapcli.formats.file_kind import is_state, kind_at, kind_of
+from mapcli.formats.file_role import LogFormat, log_format_of
 from mapcli.formats.input import (
-    MCAP_MAGIC,
     SNIFFED_BYTES,
     Reopenable,
     no_such_file,
@@ -34,14 +33,8 @@ DEFAULTS = LogOptions()
 
 EXPECTED = "an MCAP file, a ROS bag, a CARMEN log or a robot's CSV"
 
-Kind = Literal["MCAP", "ROS 1 bag", "ROS 2 bag in SQLite", "CARMEN", "CSV"]
-
-MAGICS: dict[bytes, Kind] = {
-    MCAP_MAGIC: "MCAP",
-    b"#ROSBAG V": "ROS 1 bag",
-    b"SQLite format 3": "ROS 2 bag in SQLite",
-}
-"""First bytes of a file -> what it is. CARMEN logs and CSV are text."""
+TEXT = LogFormat.CARMEN, LogFormat.CSV
+"""Formats of records in lines; the others are of messages."""
 
 PARTS = ".mcap", ".db3", ".bag", ".active"
 """Ends of the names of files of a bag in a folder; behind them may stand that of a packing."""
@@ -63,16 +56,14 @@ def open_log(paths: str | Path | Sequence[str | Path], options: LogOptions = DEF
     names = [str(path) for path in ([paths] if isinstance(paths, str | Path) else paths)]
     try:
         sources = [source for name in names for source in sources_of(name)]
-        kinds = [_kind(source) for source in sources]
-        if len(set(kinds)) > 1:
-            raise FormatError(
-                f"is {kinds[1]}, but {sources[0].name} is {kinds[0]}",
-                file=next(s.name for s, k in zip(sources, kinds, strict=True) if k != kinds[0]),
-                expected="parts of one recording in one format",
-            )
-        return _open(
-            kinds[0], [_unpacked(s, k) for s, k in zip(sources, kinds, strict=True)], options
-        )
+        formats = [_format(source) for source in sources]
+        for source, log_format in zip(sources, formats, strict=True):
+            if log_format is not formats[0]:
+                raise FormatError(
+                    f"is {log_format.value}, but {sources[0].name} is {formats[0].value}",
+                    file=source.name, expected="parts of one recording in one format",
+                )  # fmt: skip
+        return _open(formats[0], [_unpacked(source, formats[0]) for source in sources], options)
     except FileNotFoundError as error:
         raise no_such_file(Path(str(error.filename or names[0]))) from error
     except OSError as error:
@@ -86,33 +77,35 @@ def open_files(sources: Sequence[Source], damage: Damage) -> list[MessageFile]:
     Raises:
         FormatError: as of `open_log`, or a log without messages (CARMEN, CSV).
     """
-    kinds = [_kind(source) for source in sources]
-    for source, kind in zip(sources, kinds, strict=True):
-        if kind in ("CARMEN", "CSV"):
-            text = f"is a {kind} log"
+    files = []
+    for source in sources:
+        log_format = _format(source)
+        if log_format in TEXT:
+            text = f"is {log_format.value}"
             raise FormatError(text, file=source.name, expected="a log of messages")
-    return [_container(k)(_unpacked(s, k), damage) for s, k in zip(sources, kinds, strict=True)]
+        files.append(_container(log_format)(_unpacked(source, log_format), damage))
+    return files
 
 
-def _open(kind: Kind, sources: Sequence[Source], options: LogOptions) -> Log:
-    if kind == "CARMEN":
+def _open(log_format: LogFormat, sources: Sequence[Source], options: LogOptions) -> Log:
+    if log_format is LogFormat.CARMEN:
         return CarmenLog(sources, options)
-    if kind == "CSV":
+    if log_format is LogFormat.CSV:
         from mapcli.formats.logs.csv.reader import CsvLog
 
         return CsvLog(sources, options)
     from mapcli.formats.logs.message_log import MessageLog
 
-    return MessageLog(sources, options, _container(kind))
+    return MessageLog(sources, options, _container(log_format))
 
 
-def _container(kind: Kind) -> Callable[[Source, Damage], MessageFile]:
+def _container(log_format: LogFormat) -> Callable[[Source, Damage], MessageFile]:
     """What reads the messages of a file."""
-    if kind == "ROS 1 bag":
+    if log_format is LogFormat.BAG:
         from mapcli.formats.logs.bag.container import BagFile
 
         return BagFile
-    if kind == "ROS 2 bag in SQLite":
+    if log_format is LogFormat.SQLITE:
         from mapcli.formats.logs.sqlite_file import SqliteFile
 
         return SqliteFile
@@ -158,18 +151,17 @@ def _natural(path: Path) -> list[tuple[int, str]]:
     return [(int(part or 0), text) for part, text in re.findall(r"(\d*)(\D*)", path.name)]
 
 
-def _kind(source: Source) -> Kind:
+def _format(source: Source) -> LogFormat:
     """What a file is, by its content."""
     start = _start(source)
     if is_state(start):
         raise FormatError(f"is {kind_of(start)}", file=source.name, expected=EXPECTED)
-    for magic, kind in MAGICS.items():
-        if start.startswith(magic):
-            return kind
+    if log_format := log_format_of(start):
+        return log_format
     if looks_like_carmen(start):
-        return "CARMEN"
+        return LogFormat.CARMEN
     if looks_like_robot_csv(start):
-        return "CSV"
+        return LogFormat.CSV
     what = "is empty"
     if start:
         with source.path.open("rb") as file:
@@ -188,9 +180,9 @@ def _start(source: Source) -> bytes:
     return start
 
 
-def _unpacked(source: Source, kind: Kind) -> Source:
+def _unpacked(source: Source, log_format: LogFormat) -> Source:
     """All but text needs random access, so a packed file is unpacked into a temporary one."""
-    if kind in ("CARMEN", "CSV"):
+    if log_format in TEXT:
         return source
     with source.path.open("rb") as file:
         packed = packing_of(file.read(SNIFFED_BYTES)) is not None

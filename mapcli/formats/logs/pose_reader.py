@@ -52,7 +52,7 @@ def _poses(
     """Stamp, x, y and theta of each message."""
     for file, number in carriers:
         decoder = decoder_of(topic, file.streams[number])
-        for log_time, _, data, lost in file.messages({number}, damage):
+        for log_time, _, data, lost, _ in file.messages({number}, damage):
             if lost:
                 continue
             try:

@@ -1,8 +1,8 @@
 """What messages without a type are, by their content.
 
 In JSON, the names of the fields tell. Bytes tell it, too: of the definitions of the types that are
-read, the one that takes all bytes of every message, not one more and not one less. What then is no
-sensible message of the type is not of it: an equal length may be chance.
+read, the one that takes all bytes of a message, not one more and not one less. What then is no
+sensible message of the type is not of it: an equal length may be chance. A few may be damaged.
 """
 
 from __future__ import annotations
@@ -40,11 +40,13 @@ FARTHEST_M = 1000.0
 
 
 def recognised(messages: Sequence[bytes], encoding: str) -> str:
-    """The type of some messages of one stream; empty where it is not known."""
+    """The type of most of some messages of one stream; empty where it is not known."""
     fits = FITTING.get(encoding)
     if fits is None or not messages:
         return ""
-    return next((name for name in FIELDS if all(fits(data, name) for data in messages)), "")
+    count = {name: sum(fits(data, name) for data in messages) for name in FIELDS}
+    best = max(count, key=count.__getitem__)
+    return best if 2 * count[best] > len(messages) else ""
 
 
 def _fits_json(data: bytes, name: str) -> bool:

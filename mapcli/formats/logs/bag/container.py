@@ -200,8 +200,9 @@ class BagFile:
             ledger.damage.add(f"chunks {content.trouble}", file=self.source.name,
                               where=f"byte {chunk.data}")  # fmt: skip
         view = memoryview(content.data)
+        doubtful = content.trouble is not None
         messages = [
-            Message(time, number, view[record.data : record.end])
+            Message(time, number, view[record.data : record.end], doubtful=doubtful)
             for time, number, record in messages_in(content)
             if number in wanted
         ]

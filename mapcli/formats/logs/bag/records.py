@@ -11,7 +11,7 @@ once more, and an overview of the chunks, end a bag whose recorder came to its e
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import BinaryIO, NamedTuple
 
 from mapcli.model.scan import NANOSECONDS
@@ -39,6 +39,7 @@ FARTHEST_OP = 512
 """Bytes after the beginning of a record at which its field `op` is looked for."""
 
 Fields = dict[bytes, bytes]
+Read = Callable[[int, int], bytes]
 
 
 class Record(NamedTuple):
@@ -95,27 +96,43 @@ def fields_of(header: bytes) -> Fields | None:
 
 def records_in(data: bytes | memoryview, offset: int = 0) -> Iterator[Record]:
     """The records of a chunk's content, up to the first bytes that are none."""
-    while (record := _record_at(data, offset)) is not None:
+    read, size = _slices(memoryview(data)), len(data)
+    while (record := _record_at(read, offset, size)) is not None:
         yield record
         if not record.complete:
             return
         offset = record.end
 
 
-def _record_at(data: bytes | memoryview, offset: int) -> Record | None:
+def _record_at(read: Read, offset: int, size: int) -> Record | None:
+    """The record there; None if there is none.
+
+    Args:
+        read: gives the bytes at an offset, as many as asked for or as there are; size: of all.
+    """
+    (length,) = LENGTH.unpack(read(offset, LENGTH.size).ljust(LENGTH.size, b"\0"))
+    if not LEAST_HEADER_BYTES <= length <= MAX_HEADER_BYTES:
+        return None
     start = offset + LENGTH.size
-    if start > len(data):
-        return None
-    (length,) = LENGTH.unpack_from(data, offset)
-    after = start + length
-    if not LEAST_HEADER_BYTES <= length <= MAX_HEADER_BYTES or after + LENGTH.size > len(data):
-        return None
-    fields = fields_of(bytes(data[start:after]))
+    header = read(start, length + LENGTH.size)
+    fields = fields_of(header[:length]) if len(header) >= length else None
     if fields is None:
         return None
-    (size,) = LENGTH.unpack_from(data, after)
-    body = after + LENGTH.size
-    return Record(fields[b"op"][0], fields, offset, body, size, body + size <= len(data))
+    (data_size,) = LENGTH.unpack(header[length:].ljust(LENGTH.size, b"\0"))
+    data = start + length + LENGTH.size
+    return Record(fields[b"op"][0], fields, offset, data, data_size, data + data_size <= size)
+
+
+def _slices(data: memoryview) -> Read:
+    return lambda offset, count: bytes(data[offset : offset + count])
+
+
+def _reads(file: BinaryIO) -> Read:
+    def read(offset: int, count: int) -> bytes:
+        file.seek(offset)
+        return file.read(count)
+
+    return read
 
 
 def walk(file: BinaryIO, size: int) -> Iterator[Record]:
@@ -124,9 +141,9 @@ def walk(file: BinaryIO, size: int) -> Iterator[Record]:
     Args:
         size: of the file, bytes.
     """
-    offset = len(MAGIC)
+    offset, read = len(MAGIC), _reads(file)
     while offset < size:
-        record = _read(file, offset, size)
+        record = _record_at(read, offset, size)
         if record is None:
             found = _next_record(file, offset + 1, size)
             yield Record(0, {}, offset, offset, found - offset, found < size)
@@ -140,29 +157,14 @@ def walk(file: BinaryIO, size: int) -> Iterator[Record]:
         offset = record.end
 
 
-def _read(file: BinaryIO, offset: int, size: int) -> Record | None:
-    """The record there; None if there is none."""
-    file.seek(offset)
-    (length,) = LENGTH.unpack(file.read(LENGTH.size).ljust(LENGTH.size, b"\0"))
-    if not LEAST_HEADER_BYTES <= length <= MAX_HEADER_BYTES:
-        return None
-    header = file.read(length)
-    fields = fields_of(header) if len(header) == length else None
-    if fields is None:
-        return None
-    (data_size,) = LENGTH.unpack(file.read(LENGTH.size).ljust(LENGTH.size, b"\0"))
-    data = offset + LENGTH.size + length + LENGTH.size
-    complete = data + data_size <= size
-    return Record(fields[b"op"][0], fields, offset, data, data_size, complete)
-
-
 def _next_record(file: BinaryIO, offset: int, size: int) -> int:
     """Where the next record begins; the size of the file if there is none."""
     while offset < size:
         file.seek(offset)
         block = file.read(SEARCHED_BYTES + MAX_HEADER_BYTES)
+        read = _slices(memoryview(block))
         for start, op in _possible_starts(block):
-            found = _record_at(block, start)
+            found = _record_at(read, start, len(block))
             if found and found.data > op and _is_followed(file, offset, found, size):
                 return offset + start
         offset += SEARCHED_BYTES
@@ -181,4 +183,4 @@ def _possible_starts(block: bytes) -> Iterator[tuple[int, int]]:
 def _is_followed(file: BinaryIO, offset: int, record: Record, size: int) -> bool:
     """Whether another record comes after one, or the end. Packed content has some that are none."""
     end = offset + record.end
-    return end == size or (end < size and _read(file, end, size) is not None)
+    return end == size or (end < size and _record_at(_reads(file), end, size) is not None)

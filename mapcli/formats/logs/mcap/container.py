@@ -200,12 +200,13 @@ class McapFile:
     ) -> list[Message]:
         data, found, trouble = _content(file, segment, self.channels)
         view = memoryview(data)
-        messages: list[Message] = []
+        messages, doubtful = list[Message](), trouble is not None
         for opcode, start, end in found:
             if opcode == Opcode.MESSAGE:
                 channel, _, log_time, _ = MESSAGE.unpack_from(data, start)
-                if channel in wanted and (trouble is None or _is_sensible(segment, log_time)):
-                    messages.append(Message(log_time, channel, view[start + MESSAGE.size : end]))
+                if channel in wanted and (not doubtful or _is_sensible(segment, log_time)):
+                    content = view[start + MESSAGE.size : end]
+                    messages.append(Message(log_time, channel, content, 0, doubtful))
         if trouble is not None and not segment.surveyed:
             _tell(ledger.damage, trouble, segment, self.source.name)
         messages.extend(ledger.told(lost_in(segment, messages, wanted)))

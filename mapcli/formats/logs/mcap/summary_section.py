@@ -18,7 +18,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Schema, Statistics
 
-from mapcli.formats.input import MCAP_MAGIC
+from mapcli.formats.file_role import MCAP_MAGIC
 from mapcli.formats.logs.mcap.chunks import records
 from mapcli.formats.logs.mcap.container_records import INDEX, RECORD, add_description
 

@@ -275,7 +275,7 @@ def test_a_folder_is_a_ros_2_bag(tmp_path: Path) -> None:
 
 def test_parts_of_different_formats(tmp_path: Path) -> None:
     (tmp_path / "b.log").write_text("FLASER 1 1 0 0 0 0 0 0 1 host 1\n")
-    with pytest.raises(FormatError, match=r"b.log: is CARMEN, but .*a.mcap is MCAP"):
+    with pytest.raises(FormatError, match=r"b.log: is a CARMEN log, but .*a.mcap is an MCAP log"):
         open_log([mcap_file(tmp_path, *BODY), str(tmp_path / "b.log")])
 
 
