@@ -49,6 +49,10 @@ AWAY_CELLS, TELLING_ENDS = 5.0, 3
 """A scan fixes its place when so many of its ends, at least, agree less so far away, whichever way
 it is: fewer may be people, or noise."""
 
+TURNED = 0.1
+"""Radians to either side that a scan is turned by, to see whether it fixes its heading: half a
+metre in five."""
+
 MARGIN = 2 + int(AWAY_CELLS)
 """Cells around all ends."""
 
@@ -72,6 +76,7 @@ class Agreement:
         fixed_apart, fixed_near: whether it would agree less with them if it were half a metre away,
             whichever way.
         onward: contradicted share of its ends and those of the next scans, by scans just before it.
+        fixed_heading: whether it would agree less with scans nearby if it were turned, either way.
     """
 
     scan: int
@@ -80,6 +85,7 @@ class Agreement:
     fixed_apart: bool = True
     fixed_near: bool = True
     onward: float | None = None
+    fixed_heading: bool = True
 
 
 class Explained(NamedTuple):
@@ -106,11 +112,12 @@ def compare_scans(
         scans: of a `ScanSample`; poses: of every scan of the log, in the map.
         begins: numbers of the scans with which drives begin: another drive is another visit.
     """
-    found = [Agreement(one.scan, None, None, False, False) for one in scans if not len(one.ends)]
+    blind = [one.scan for one in scans if not len(one.ends)]
+    found = [Agreement(scan, None, None, False, False, None, False) for scan in blind]
     placed = _Placed.of(scans, poses, begins)
     if placed is not None:
         both = zip(_views(placed), _onward(placed), strict=True)
-        found += [_agreement(*view, onward) for view, onward in both]
+        found += [_agreement(placed, *view, onward) for view, onward in both]
     return sorted(found, key=lambda one: one.scan)
 
 
@@ -120,7 +127,10 @@ def explain_scans(
     """How well other visits explain each of the scans, as of `compare_scans`."""
     explained = []
     placed = _Placed.of(scans, poses, begins)
-    for scan, ends, apart, _ in _views(placed) if placed else ():
+    if placed is None:
+        return []
+    for k, apart, _ in _views(placed):
+        scan, ends = placed.scans[k], placed.ends[k]
         confirmed, contradicted = compare_view(apart, ends)
         unseen = len(ends) - confirmed - contradicted
         nats = LOG_CONTRADICTED * contradicted + LOG_UNSEEN * unseen
@@ -128,9 +138,9 @@ def explain_scans(
     return explained
 
 
-def _views(placed: _Placed) -> Iterator[tuple[int, NDArray[np.float32], ViewCounts, ViewCounts]]:
-    """Each scan: its number, its ends, and what scans of other visits and scans nearby saw, until
-    the next one."""
+def _views(placed: _Placed) -> Iterator[tuple[int, ViewCounts, ViewCounts]]:
+    """Each scan, k of those placed, and what scans of other visits and scans nearby saw, until the
+    next one."""
     apart, near = placed.nothing(), placed.nothing()
     for k in range(len(placed.ends)):
         placed.count(apart, k, 1)
@@ -145,7 +155,7 @@ def _views(placed: _Placed) -> Iterator[tuple[int, NDArray[np.float32], ViewCoun
             placed.count(apart, first, 1)
             first += 1
         placed.count(near, k, -1)
-        yield placed.scans[k], placed.ends[k], apart, near
+        yield k, apart, near
         placed.count(near, k, 1)
 
 
@@ -165,21 +175,28 @@ def _onward(placed: _Placed) -> Iterator[float | None]:
 
 
 def _agreement(
-    scan: int,
-    ends: NDArray[np.float32],
+    placed: _Placed,
+    k: int,
     apart: ViewCounts,
     near: ViewCounts,
     onward: float | None,
 ) -> Agreement:
+    ends = placed.ends[k]
+    turned = max(_net(compare_view(near, placed.turned(k, turn))) for turn in (TURNED, -TURNED))
     by_others, by_neighbours = compare_view(apart, ends), compare_view(near, ends)
     return Agreement(
-        scan,
+        placed.scans[k],
         _share(by_others, len(ends)),
         _share(by_neighbours, len(ends)),
         least_loss(apart, ends, AWAY_CELLS) >= TELLING_ENDS,
         least_loss(near, ends, AWAY_CELLS) >= TELLING_ENDS,
         onward,
+        _net(by_neighbours) - turned >= TELLING_ENDS,
     )
+
+
+def _net(compared: Compared) -> int:
+    return compared.confirmed - compared.contradicted
 
 
 def _share(compared: Compared, size: int) -> float | None:
@@ -233,6 +250,14 @@ class _Placed:
 
     def nothing(self) -> ViewCounts:
         return ViewCounts(np.zeros(self.shape, np.int16), np.zeros(self.shape, np.int16))
+
+    def turned(self, k: int, angle: float) -> NDArray[np.float32]:
+        """Ends of a scan turned about its laser, at the border of the grid, where nothing was
+        seen, if they would leave it."""
+        c, s = math.cos(angle), math.sin(angle)
+        ends = (self.ends[k] - self.starts[k]) @ np.array([[c, s], [-s, c]]) + self.starts[k]
+        rows, columns = self.shape
+        return np.asarray(np.clip(ends, 1, (columns - 2, rows - 2)), np.float32)
 
     def count(self, counts: ViewCounts, k: int, sign: int) -> None:
         count_view(counts, self.ends[k], self.starts[k], sign)

@@ -2,15 +2,17 @@
 
 Along a corridor, or where a laser hardly sees a wall, a scan fits as well half a metre away, and
 odometry decides. How far that errs shows where scans tell: by how far it leaves the map over every
-few metres of way, beyond what it always errs by, which is calibrated. So wheels that failed
-somewhere are trusted nowhere, and good ones are trusted for long. The errors of stretches add up
-as their squares, until a scan is fixed by those of another visit: there the map was joined.
+few metres of way, beyond what it always errs by, which is calibrated; its heading does not count
+where walls tell that, as those of a corridor do. So wheels that failed somewhere are trusted
+nowhere, and good ones are trusted for long. The errors of stretches add up as their squares, until
+a scan is fixed by those of another visit: there the map was joined.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -55,20 +57,37 @@ def sliding_stretches(agreements: Sequence[Agreement]) -> list[list[Span]]:
     return [spans for spans in parts if spans]
 
 
-def odometry_error(poses: Sequence[TracedPose], metres: Sequence[float]) -> float:
+def headings_are_fixed(agreements: Sequence[Agreement], spans: Sequence[Span]) -> bool:
+    """Whether all scans of some stretches fix the robot's heading: along a corridor the walls do,
+    and only how far the robot has come is for odometry to tell."""
+    return all(
+        one.fixed_heading
+        for one in agreements
+        if any(first <= one.scan <= last for first, last in spans)
+    )
+
+
+def odometry_error(
+    poses: Sequence[TracedPose], metres: Sequence[float], *, with_headings: bool = True
+) -> float:
     """How far odometry leaves the map over `STRETCH_M` of way: root mean square, metres, beyond
     what it always does.
 
     Args:
         metres: of way until each pose.
+        with_headings: by its headings; otherwise by those of the map.
     """
     way = np.asarray(metres)
     ends = np.searchsorted(way, way + STRETCH_M)
     starts = np.flatnonzero(ends < len(way))
     if not len(starts):
         return USUAL_SHARE * STRETCH_M
-    counted = _displacements([pose.odom for pose in poses], starts, ends[starts])
-    off = _displacements([pose.pose for pose in poses], starts, ends[starts])
+    mapped = [pose.pose for pose in poses]
+    odoms = [pose.odom for pose in poses]
+    counted = _displacements(
+        odoms if with_headings else _turned(odoms, mapped), starts, ends[starts]
+    )
+    off = _displacements(mapped, starts, ends[starts])
     known = np.isfinite(counted)  # elsewhere odometry knows of no motion
     off[known] -= counted[known]
     if known.any():
@@ -81,6 +100,21 @@ def error_over(way: float, error_m: float) -> float:
     than all of it."""
     share = way / STRETCH_M
     return min(way, error_m * min(share, math.sqrt(share)))
+
+
+def _turned(odoms: Sequence[Pose2D | None], mapped: Sequence[Pose2D]) -> list[Pose2D | None]:
+    """The path that odometry's steps make with the headings of the map."""
+    path: list[Pose2D | None] = []
+    last, there = None, Pose2D()
+    for odom, pose in zip(odoms, mapped, strict=True):
+        if odom is None:
+            path.append(None)
+            continue
+        step = last.between(odom) if last is not None else Pose2D()
+        there = replace(there.compose(step), theta=pose.theta)
+        path.append(there)
+        last = odom
+    return path
 
 
 def _displacements(

@@ -12,7 +12,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby, pairwise
 
 from mapcli.algorithms.slam.contradictions import APART_M, Agreement
-from mapcli.algorithms.slam.sliding import error_over, odometry_error, sliding_stretches
+from mapcli.algorithms.slam.sliding import (
+    error_over,
+    headings_are_fixed,
+    odometry_error,
+    sliding_stretches,
+)
 from mapcli.model.reason import VERDICTS, Reason, ReasonKind, Verdict
 from mapcli.model.scan import NANOSECONDS
 from mapcli.model.trace import TracedPose
@@ -209,10 +214,14 @@ class _Run:
     def sliding(self) -> Iterator[Reason]:
         """Stretches where scans do not tell how far the robot has come, and odometry is not to be
         trusted for so long."""
-        error_m = odometry_error(self.poses, self.metres)
+        errors = dict[bool, float]()
         for spans in sliding_stretches(self.agreements):
+            by_map = headings_are_fixed(self.agreements, spans)
+            if by_map not in errors:
+                path = self.poses, self.metres
+                errors[by_map] = odometry_error(*path, with_headings=not by_map)
             total = sum(self._way(*span) for span in spans)
-            off = error_over(total, error_m)
+            off = error_over(total, errors[by_map])
             if off <= OFF_M:
                 continue
             verdict: Verdict = "bad" if off > FAR_OFF_M else "doubtful"

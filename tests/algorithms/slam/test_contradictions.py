@@ -90,7 +90,7 @@ def test_nothing_to_compare() -> None:
     blind = SampledScan(0, np.empty((0, 2), np.float32), np.zeros(2))
     assert compare_scans([], [Pose2D()]) == []
     (nothing,) = compare_scans([blind], [Pose2D()])
-    assert nothing == Agreement(0, None, None, fixed_apart=False, fixed_near=False)
+    assert nothing == Agreement(0, None, None, False, False, None, False)
 
 
 def corridor(length: float, door: float) -> Edges:
@@ -110,3 +110,13 @@ def test_what_sees_two_walls_only_does_not_fix_its_place() -> None:
     assert np.mean([one.fixed_near for one in near_post]) > 0.6
     assert not any(one.fixed_near for one in far)
     assert not any(one.fixed_apart for one in far)
+    assert all(one.fixed_heading for one in far)
+
+
+def test_in_the_middle_of_a_round_room_a_scan_does_not_fix_its_heading() -> None:
+    turns = np.arange(240) * math.tau / 240
+    ends = (1.5 * np.column_stack([np.cos(turns), np.sin(turns)])).astype(np.float32)
+    scans = [SampledScan(k, ends, np.zeros(2)) for k in range(5)]
+    found = compare_scans(scans, [Pose2D(0.01 * k) for k in range(5)])
+    assert not any(one.fixed_heading for one in found)
+    assert all(one.fixed_near for one in found)

@@ -11,11 +11,18 @@ from mapcli.algorithms.slam.sliding import (
     STRETCH_M,
     USUAL_SHARE,
     error_over,
+    headings_are_fixed,
     odometry_error,
     sliding_stretches,
 )
 from mapcli.model.pose import Pose2D
 from mapcli.model.trace import TracedPose
+
+
+def test_headings_are_fixed_if_each_scan_of_the_stretches_fixes_its_own() -> None:
+    scans = [Agreement(10 * k, 0.0, 0.0, fixed_heading=k != 4) for k in range(10)]
+    assert headings_are_fixed(scans, [(0, 30), (50, 90)])
+    assert not headings_are_fixed(scans, [(0, 30), (40, 60)])
 
 
 def found(near: str, apart: str) -> list[Agreement]:
@@ -56,6 +63,23 @@ def test_wheels_that_stand_still_for_a_while_err() -> None:
     # Over 5 m: short by 1, 2, 3, 4, 5, 4, 3, 2, 1 m where the nine stretches meet these five.
     squares = 2 * (1 + 4 + 9 + 16) + 25
     assert odometry_error(*driven([*frozen])) == pytest.approx(math.sqrt(squares / 100))
+
+
+def test_where_walls_tell_the_heading_only_the_way_is_asked() -> None:
+    # One wheel slips for 5 m: a metre counts as 1.2, and turns by 0.3 rad. Then 10 m are silent.
+    odoms: list[Pose2D | None] = [Pose2D()]
+    for k in range(60):
+        last = odoms[-1]
+        assert last is not None
+        odoms.append(last.compose(Pose2D(1.2, 0.0, 0.3) if 20 <= k < 25 else Pose2D(1.0)))
+    way = driven(odoms)
+    squares = 2 * (0.2**2 + 0.4**2 + 0.6**2 + 0.8**2) + 1.0
+    told = odometry_error(*way, with_headings=False)
+    assert told == pytest.approx(math.sqrt(squares / 56))
+    assert odometry_error(*way) > 2 * told
+    odoms[40:50] = [None] * 10
+    kept = odometry_error(*driven(odoms), with_headings=False)
+    assert kept == pytest.approx(math.sqrt((squares + 25 * 15) / 56))
 
 
 def test_without_odometry_nothing_is_known() -> None:
