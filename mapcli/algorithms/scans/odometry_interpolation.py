@@ -99,8 +99,11 @@ class _KnownOdometry:
         )
 
     def _after(self, stamp_ns: int) -> int:
-        """The place of the first record after a moment: nearly always of the last one."""
+        """The place of the first record after a moment: nearly always that of the last one, or
+        none."""
         known = self._records
+        if known and known[-1].stamp_ns <= stamp_ns:
+            return len(known)
         if len(known) > 1 and known[-2].stamp_ns <= stamp_ns < known[-1].stamp_ns:
             return len(known) - 1
         return bisect_right(known, stamp_ns, key=_stamp_ns)

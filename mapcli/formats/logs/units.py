@@ -75,7 +75,10 @@ def count_units(ranges: NDArray[np.float32], angle_increment: float, counts: Uni
     if MOST_TURNS < turns < math.inf:
         counts.turning += 1
         counts.turns = turns
-    readings = np.unique(ranges[np.isfinite(ranges) & (ranges > 0)])
+    readings = ranges[np.isfinite(ranges) & (ranges > 0)]
+    if not len(readings) or readings.max() <= MIDDLE_M:
+        return
+    readings = np.unique(readings)
     if len(readings) >= LEAST_READINGS and (middle := float(np.median(readings))) > MIDDLE_M:
         counts.too_far += 1
         counts.millimetres += middle >= LEAST_MILLIMETRES

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Container, Iterator, Mapping
 from heapq import heappop, heappush, heapreplace, merge
@@ -186,10 +187,15 @@ class McapFile:
             key=lambda segment: (segment.start_ns, segment.offset),
         )
         open_: list[tuple[int, int, Message, Iterator[Message]]] = []
-        for segment in waiting:
+        starts = [*(segment.start_ns for segment in waiting[1:]), math.inf]
+        for segment, next_start in zip(waiting, starts, strict=False):
             while open_ and (open_[0][0] < segment.start_ns or _too_many(open_)):
                 yield _advance(open_)
-            messages = iter(self._load(file, segment, wanted, ledger))
+            loaded = self._load(file, segment, wanted, ledger)
+            if not open_ and loaded and loaded[-1].log_time_ns < next_start:
+                yield from loaded  # as nearly all segments are, it is over before the next begins
+                continue
+            messages = iter(loaded)
             if (first := next(messages, None)) is not None:
                 heappush(open_, (first.log_time_ns, segment.offset, first, messages))
         while open_:
