@@ -82,17 +82,18 @@ def unit_of(stamps: LineStamps) -> float:
     return next(fits, 1.0)
 
 
-def choose_clock(scans: Columns, odometry: Columns | None) -> Clock:
+def choose_clock(scans: Columns, odometry: Columns | None, what: str = "scans") -> Clock:
     """The stamps in the lines; the times of logging where only these tell the time; or the order of
     the lines. Where nothing is wrong but that both were set meanwhile, that is to be taken out of
     the stamps (there is a `why`).
 
     Args:
         odometry: of lines of their own; None if the scans carry all there is.
+        what: the scans are called.
     """
     if len(scans.lines) < FEWEST:
         return Clock()
-    why = _fault(scans.header, scans.log) or _apart(scans, odometry)
+    why = _fault(scans.header, scans.log, what) or _apart(scans, odometry)
     if not why:
         return Clock()
     if not _fault(scans.log, scans.header) and not _odd_lines(scans, odometry, "log"):
@@ -107,11 +108,11 @@ def _repeated(stamps: Seconds) -> float:
     return float(np.mean(np.diff(stamps) == 0))
 
 
-def _fault(stamps: Seconds, other: Seconds) -> str:
+def _fault(stamps: Seconds, other: Seconds, what: str = "scans") -> str:
     """What is wrong with a clock; empty if nothing is."""
     repeated = _repeated(stamps)
     if repeated > REPEATED_SHARE:
-        return f"{repeated:.0%} of the scans have the stamp of the one before"
+        return f"{repeated:.0%} of the {what} have the stamp of the one before"
     steps, others = np.diff(smoothed(stamps)), np.diff(smoothed(other))
     if (steps < -SET_BACK_S).any():
         return f"a clock was set back by {duration(-float(steps.min()))}"

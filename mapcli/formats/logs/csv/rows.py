@@ -155,8 +155,11 @@ class _Place(NamedTuple):
         Raises:
             FormatError: it is none, or none that ROS 2 can hold.
         """
+        expected = "a time from 0 on, or since 1970, to 2038"
         if NUMBER.fullmatch(word) and math.isfinite(float(word)):
             seconds = Decimal(word).scaleb(-decimals)
             if 0 <= seconds < LATEST_STAMP_S:
                 return round(seconds * NANOSECONDS)
-        raise self.error(f"t is {word[:40]!r}", "a time from 0 on, or since 1970, to 2038")
+            if seconds > 0:
+                expected += "; the unit of t is told in the YAML, as in `units: {time: ms}`"
+        raise self.error(f"t is {word[:40]!r}", expected)

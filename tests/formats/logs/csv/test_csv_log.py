@@ -6,6 +6,7 @@ import gzip
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mapcli import LogOptions, Pose2D, open_log, save_log
@@ -136,6 +137,9 @@ def test_one_sensor_may_be_chosen_and_moved(tmp_path: Path) -> None:
         ("400", "nan", "line 3: r1 is 'nan'; expected a distance, or nothing at all"),
         ("\n100,", "\n-100,", "line 4: t is '-100'; expected a time from 0 on, or since 1970, to "
          "2038"),
+        ("\n100,", "\n1134860000000000,", "line 4: t is '1134860000000000'; expected a time from 0 "
+         "on, or since 1970, to 2038; the unit of t is told in the YAML, as in "
+         "`units: {{time: ms}}`"),
         ("\n100,", "\n,", "line 4: t is ''; expected a time from 0 on, or since 1970, to 2038"),
         ("100.5", "99.5", "line 5: the time goes back from 0.1 to 0.0995 s; expected rows in time "
          "order"),
@@ -207,3 +211,51 @@ def test_it_is_told_by_its_head(head: bytes, kind: str) -> None:
     found = kind_of(head, "a.csv")
     assert found is not None
     assert found.name == kind
+
+
+# Time
+
+
+PLAIN = """\
+range_max: 3
+sensors:
+  r1: {x: 0, y: 0, yaw_deg: 0}
+  r2: {x: 0, y: 0, yaw_deg: 90}
+"""
+
+
+def driven(stamp: str) -> str:
+    """Ten rows a second, at 0.1 m/s; `stamp` is formatted with the time."""
+    rows = (f"{stamp.format(t=k / 10)},{k / 100},0,0,{1 + k / 1000},2" for k in range(100))
+    return "\n".join(["t,x,y,theta,r1,r2", *rows, ""])
+
+
+@pytest.mark.parametrize(("stamp", "step"), [("{t:.0f}", 0.1), ("0", 0.2), ("1.13486e9", 0.2)])
+def test_coarse_times_give_way_to_the_order_of_the_rows(
+    tmp_path: Path, stamp: str, step: float
+) -> None:
+    log = log_of(tmp_path, driven(stamp), PLAIN)
+    stamps = [r.stamp_ns * 1e-9 for r in log.records() if isinstance(r, Odometry)]
+    assert np.diff(stamps) == pytest.approx(np.full(99, step), abs=0.02)
+    assert log.clock.source == "order"
+    assert log.clock.why.endswith("of the rows have the stamp of the one before")
+    assert log.topics()[0].last_ns - log.topics()[0].first_ns == pytest.approx(99e9 * step, 0.02)
+
+
+def test_a_row_for_each_sensor(tmp_path: Path) -> None:
+    """Rows of one moment are no coarse clock."""
+    rows = [f"{k / 10},{k / 100},0,0,{own}" for k in range(50) for own in ("1,", ",2")]
+    log = log_of(tmp_path, "\n".join(["t,x,y,theta,r1,r2", *rows, ""]), PLAIN)
+    stamps = [r.stamp_ns for r in log.records() if isinstance(r, RangeReading)]
+    assert stamps == [k * 10**8 for k in range(50) for _ in range(2)]
+    assert (log.clock.source, log.clock.why) == ("header", "")
+
+
+def test_rows_that_are_far_apart(tmp_path: Path) -> None:
+    """Milliseconds, of which the YAML does not tell."""
+    lines = driven("{t:.1f}").splitlines()
+    rows = [lines[0], *(f"{100 * k},{line.split(',', 1)[1]}" for k, line in enumerate(lines[1:]))]
+    log = log_of(tmp_path, "\n".join([*rows, ""]), PLAIN)
+    list(log.records())
+    told = "rows are far apart: is t in another unit than the YAML tells (units: time)?"
+    assert told in log.notes
