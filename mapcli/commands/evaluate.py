@@ -92,8 +92,8 @@ def command(
 ) -> None:  # fmt: skip
     """Say how far a pose trace is from the truth, or from itself.
 
-    TRACE and REFERENCE are trace.json, .tum, .kitti, .g2o, .csv, lines of `t x y theta`, or an
-    MCAP file with poses, such as the true ones that `mapcli simulate` writes. The best rigid
+    TRACE and REFERENCE are trace.json, .tum, .kitti, .g2o, .csv, lines of `t x y theta`, or a
+    log with poses, such as the true ones of `mapcli simulate` and CARMEN. The best rigid
     alignment in the plane is taken; ATE is then the distance of poses at the same moment, RPE
     the difference of motions over --delta. A REFERENCE that ends in .relations (or
     .relations.gz) holds relations as of Kuemmerle et al. 2009. --self-check is for logs without

@@ -196,7 +196,10 @@ def test_clocks_that_drift_apart_are_said(
     assert info(path, "--json", "-") == 0
     (reason,) = json.loads(capsys.readouterr().out)["reasons"]
     assert (reason["kind"], reason["try"]) == ("clocks_differ", "--time-source log")
-    told = "scans were recorded 0.0 s after their stamps, odometry 3.0 s: their clocks differ"
+    told = (
+        "scans were recorded 0.0 s after their stamps, odometry 3.0 s after its: "
+        "their clocks differ"
+    )
     assert reason["text"] == told
 
 

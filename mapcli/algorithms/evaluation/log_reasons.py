@@ -42,8 +42,8 @@ def clock_reasons(
     scans_s, odometry_s = recorded_after_s or (0.0, 0.0)
     if abs(scans_s - odometry_s) > DELAY_S:
         text = (
-            f"scans were recorded {scans_s:.1f} s after their stamps, odometry {odometry_s:.1f} s: "
-            "their clocks differ"
+            f"scans were recorded {_later(scans_s)} their stamps, odometry {_later(odometry_s)} "
+            "its: their clocks differ"
         )
         remedy = "--time-source log"
     elif outside.share > OUTSIDE_SHARE:
@@ -55,6 +55,10 @@ def clock_reasons(
     else:
         return
     yield Reason("clocks_differ", 0.0, duration_s, text, remedy, "doubtful")
+
+
+def _later(seconds: float) -> str:
+    return f"{abs(seconds):.1f} s {'before' if seconds < 0 else 'after'}"
 
 
 def _units(units: UnitCounts, duration_s: float) -> Iterator[Reason]:
