@@ -9,6 +9,7 @@ from typing import Any
 
 from mapcli.algorithms.evaluation.log_check import LogCheck, Timing, check_log
 from mapcli.algorithms.evaluation.log_reasons import log_reasons
+from mapcli.algorithms.slam.laser_calibration import LaserCalibration
 from mapcli.commands._clock_report import reasons_of_clocks
 from mapcli.commands._sensor_report import sensor_document, sensor_line
 from mapcli.errors import DataError, FormatError
@@ -45,7 +46,8 @@ def describe(log: Log) -> dict[str, Any]:
     mounts: dict[Mount, None] = {}
     trouble: list[str] = []
     try:
-        check = check_log(_noting_mounts(log.records(), mounts))
+        calibration = LaserCalibration(lambda: bool(log.unknown_mounts))
+        check = check_log(_noting_mounts(log.records(), mounts), calibration)
     except (DataError, FormatError) as error:
         check = check_log([])
         trouble = [f"slam-replay cannot use it: {error.problem}; expected {error.expected}"]
@@ -64,7 +66,7 @@ def describe(log: Log) -> dict[str, Any]:
         },
         "scans": _scans(log, check) if used else None,
         "sensors": [sensor_document(sensor) for sensor in log.sensors.values() if used],
-        "lasers": [{**asdict(mount.pose), "flipped": mount.flipped} for mount in mounts if used],
+        "lasers": [_laser(log, mount) for mount in mounts if used],
         "odometry": _odometry(check) if check.odometry.count else None,
         "delays_s": {
             name: round(delay.mean_s, 6) for name, delay in log.delays.items() if delay.count
@@ -80,10 +82,16 @@ def describe(log: Log) -> dict[str, Any]:
 def _reasons(log: Log, check: LogCheck) -> tuple[Reason, ...]:
     """What the log is described wrongly in."""
     duration_s = (check.scans.last_ns - check.scans.first_ns) * 1e-9
+    is_unknown = bool(log.unknown_mounts) and check.odometry.count > 0
     return (
-        *log_reasons(log.units, check.mount, duration_s),
+        *log_reasons(log.units, check.mount, duration_s, check.laser, is_unknown=is_unknown),
         *reasons_of_clocks(log, duration_s),
     )
+
+
+def _laser(log: Log, mount: Mount) -> dict[str, Any]:
+    is_known = not (log.unknown_mounts and mount == Mount())
+    return {**asdict(mount.pose), "flipped": mount.flipped, "known": is_known}
 
 
 def _noting_mounts(records: Iterable[Record], mounts: dict[Mount, None]) -> Iterator[Record]:
@@ -213,10 +221,11 @@ def _lines(content: dict[str, Any], verbose: bool) -> Iterator[str]:
     elif scans:
         yield from _scan_lines(scans)
     for laser in content["lasers"]:
-        flipped = ", upside down" if laser["flipped"] else ""
+        more = ", upside down" if laser["flipped"] else ""
+        more += "" if laser["known"] else ", assumed: the log does not tell"
         yield (
             f"  laser       x {laser['x']:g} m, y {laser['y']:g} m, "
-            f"yaw {math.degrees(laser['theta']):g} deg on the robot{flipped}"
+            f"yaw {math.degrees(laser['theta']):g} deg on the robot{more}"
         )
     if odometry:
         period = f", every {odometry['period_s']:g} s" if odometry["count"] > 1 else ""

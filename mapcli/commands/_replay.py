@@ -43,7 +43,8 @@ def replay_log(
     Raises:
         DataError: not one scan in the part asked for; KeyboardInterrupt: none before Ctrl-C.
     """
-    run, started = ReplayRun(slam, keep), time.perf_counter()
+    started = time.perf_counter()
+    run = ReplayRun(slam, keep, lambda: bool(log.unknown_mounts))
     warned: set[ReasonKind] = set()
     try:
         steps = run.track(_with_known_units(log, log_input, warned))
@@ -62,9 +63,12 @@ def replay_log(
         raise
     replayed = run.result(log.damage)
     summary = replayed.summary
+    laser = run.calibration.estimate(run.mount)
+    is_unknown = bool(log.unknown_mounts) and log.odom_topic is not None
+    duration_s = summary.duration_s
     told = (
-        *log_reasons(log.units, run.mount.finding(), summary.duration_s),
-        *reasons_of_clocks(log, summary.duration_s),
+        *log_reasons(log.units, run.mount.finding(), duration_s, laser, is_unknown=is_unknown),
+        *reasons_of_clocks(log, duration_s),
     )
     reasons = (*told, *summary.reasons)
     if any(reason.kind in WRONG_THROUGHOUT for reason in told):  # not the wheels have failed

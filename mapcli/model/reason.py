@@ -13,6 +13,7 @@ VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 ReasonKind = Literal[
     "laser_mirrored",
     "laser_turned",
+    "mount_unknown",
     "range_unit",
     "angle_unit",
     "clocks_differ",
@@ -28,7 +29,8 @@ ReasonKind = Literal[
     "not_so",
 ]
 """`laser_mirrored`: scans turn the other way than the wheels; `laser_turned`: the laser looks
-elsewhere than the log says, backwards above all; `range_unit`, `angle_unit`: readings are no
+elsewhere than the log says, backwards above all; `mount_unknown`: the log does not say where it
+sits, and it is taken to be at the robot's centre; `range_unit`, `angle_unit`: readings are no
 metres, angles are no radians; `clocks_differ`: the stamps of the scans and those of the odometry
 are not of one clock; `odometry_wrong`: odometry is no metres or no radians, or turns the
 other way, throughout; `known_map`: the map that was gone on from is of another place, or the robot

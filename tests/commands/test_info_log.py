@@ -153,6 +153,9 @@ def test_as_json(good: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert (document["damage"], document["warnings"]) == ({}, [])
 
 
+MOUNTED = tf_static(0, transform(0, "base_link", "laser"))
+
+
 def test_odd_things_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     messages = [odom(t / 10, log=t / 10) for t in range(1, 100)]
     messages += [scan(t / 10, log=t / 10) for t in range(2, 100) if not 30 < t < 60]
@@ -164,6 +167,7 @@ def test_odd_things_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     warnings = [line[14:] for line in capsys.readouterr().out.splitlines() if "  warning" in line]
     assert warnings == [
         f"1 file cut short (byte {len(data) - 40})",
+        "mount unknown: the log does not tell where the laser sits, assumed at the robot's centre",
         "2 gaps in the scans, the longest of 9.1 s at 9.8 s",
         "1 record out of order, put in order by their stamps",
         "1 scan with the stamp of the one before",
@@ -177,7 +181,7 @@ def test_odd_things_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 def test_clocks_that_differ_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Those of the recording are taken."""
     messages = [odom(t / 10, t, log=t / 10 + 5) for t in range(100)]
-    path = mcap_file(tmp_path, *messages, *(scan(t / 10, log=t / 10) for t in range(100)))
+    path = mcap_file(tmp_path, MOUNTED, *messages, *(scan(t / 10, log=t / 10) for t in range(100)))
     assert info(path, "--json", "-") == 0
     document = json.loads(capsys.readouterr().out)
     why = "stamps of /odom and /scan are 5.0 s apart"
@@ -192,7 +196,7 @@ def test_clocks_that_drift_apart_are_said(
 ) -> None:
     """Each message by less than shows; the other clock is taken on demand."""
     messages = [odom(t / 10, t / 10, log=t / 10 * 1.02) for t in range(3000)]
-    path = mcap_file(tmp_path, *messages, *(scan(t / 10, log=t / 10) for t in range(3000)))
+    path = mcap_file(tmp_path, MOUNTED, *messages, *(scan(t / 10, log=t / 10) for t in range(3000)))
     assert info(path, "--json", "-") == 0
     (reason,) = json.loads(capsys.readouterr().out)["reasons"]
     assert (reason["kind"], reason["try"]) == ("clocks_differ", "--time-source log")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.mount_check import MountCheck, MountFinding
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
+from mapcli.algorithms.slam.laser_calibration import LaserCalibration, LaserEstimate
 from mapcli.algorithms.slam.sweep_search import SweepSearch
 from mapcli.model.pose import wrap_angle
 from mapcli.model.range_reading import RangeReading
@@ -72,7 +73,8 @@ class LogCheck:
         scans_outside_odometry: scans before the first or after the last odometry.
         distance_m: length of the path by odometry, without jumps.
         turned_rad: sum of all turns by odometry, without jumps.
-        mount: where the laser sits, if not where the log says.
+        mount: where the laser sits, if not where the log says; laser: if the log does not say, and
+            it seems to be elsewhere than at the robot's centre.
         jumps: steps of the odometry faster than any robot that maps floor plans.
         first_jump_at_s: when, counted from the first record; None without jumps.
     """
@@ -93,6 +95,7 @@ class LogCheck:
     distance_m: float
     turned_rad: float
     mount: MountFinding | None
+    laser: LaserEstimate | None
     jumps: int
     first_jump_at_s: float | None
 
@@ -103,7 +106,8 @@ _description = attrgetter("angle_min", "angle_increment", "range_min", "range_ma
 class _LogFacts:
     """Gathers the facts of records one by one; keeps eight bytes of each (stateful)."""
 
-    def __init__(self) -> None:
+    def __init__(self, calibration: LaserCalibration | None) -> None:
+        self.calibration = calibration
         self.start: int | None = None
         self.end = 0
         self.scan_stamps, self.odometry_stamps = array("q"), array("q")
@@ -212,19 +216,22 @@ class _LogFacts:
             self.distance,
             self.turned,
             self.mount.finding(),
+            self.calibration.estimate(self.mount) if self.calibration else None,
             self.jumps,
             self.first_jump_at_s,
         )
 
 
-def check_log(records: Iterable[Record]) -> LogCheck:
+def check_log(records: Iterable[Record], calibration: LaserCalibration | None = None) -> LogCheck:
     """Check the scans and the odometry of a log.
 
     Args:
         records: in stamp order; read once, never held.
+        calibration: finds out where the laser sits.
     """
-    facts = _LogFacts()
-    for _ in facts.mount.watched(odometry_at_scans(facts.added(records))):
+    facts = _LogFacts(calibration)
+    scans = facts.mount.watched(odometry_at_scans(facts.added(records)))
+    for _ in calibration.watched(scans) if calibration else scans:
         pass
     return facts.result()
 

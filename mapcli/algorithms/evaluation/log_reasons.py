@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from mapcli.algorithms.scans.mount_check import MountFinding
+from mapcli.algorithms.slam.laser_calibration import LaserEstimate
 from mapcli.model.clock import ScansOutside
 from mapcli.model.log import UnitCounts
 from mapcli.model.reason import Reason
@@ -17,17 +18,29 @@ DELAY_S = 1.0
 OUTSIDE_SHARE = 0.5
 """So many scans without odometry, where there is some, are more than it stopped early."""
 
+UNKNOWN = "mount unknown: the log does not tell where the laser sits, assumed at the robot's centre"
+
 
 def log_reasons(
-    units: UnitCounts, mount: MountFinding | None, duration_s: float
+    units: UnitCounts,
+    mount: MountFinding | None,
+    duration_s: float,
+    laser: LaserEstimate | None = None,
+    *,
+    is_unknown: bool = False,
 ) -> tuple[Reason, ...]:
     """What is wrong with a log's description, and the option that mends it.
 
     Args:
         units: what the scans say; mount: what `MountCheck` found.
         duration_s: of the log, from its first to its last scan.
+        is_unknown: nothing tells where the laser sits; laser: what was found out about it.
     """
-    return (*_units(units, duration_s), *_mount(mount, duration_s))
+    return (
+        *_units(units, duration_s),
+        *_mount(mount, laser.mount if laser else None, duration_s),
+        *(_unknown(laser, duration_s) if is_unknown else ()),
+    )
 
 
 def clock_reasons(
@@ -72,10 +85,34 @@ def _units(units: UnitCounts, duration_s: float) -> Iterator[Reason]:
         yield Reason("range_unit", 0.0, duration_s, text, f"--range-unit {unit}")
 
 
-def _mount(found: MountFinding | None, duration_s: float) -> Iterator[Reason]:
+def _unknown(laser: LaserEstimate | None, duration_s: float) -> Iterator[Reason]:
+    text, option = UNKNOWN, ""
+    if laser is not None:
+        text += f"; scans against wheels: it seems to sit at {_with_errors(laser)}"
+        option = laser_pose_option(laser.mount)
+    yield Reason("mount_unknown", 0.0, duration_s, text, option, "good")
+
+
+def _with_errors(laser: LaserEstimate) -> str:
+    x, y, yaw = laser.found[0], laser.found[1], math.degrees(laser.found[2])
+    x_error, y_error, yaw_error = laser.errors[0], laser.errors[1], math.degrees(laser.errors[2])
+    parts = (
+        ("x", x, x_error, 2, "m"),
+        ("y", y, y_error, 2, "m"),
+        ("yaw", yaw, yaw_error, 1, "deg"),
+    )
+    text = ", ".join(
+        f"{name} {round(value, digits) + 0.0:.{digits}f} +- {error:.{digits}f} {unit}"
+        for name, value, error, digits, unit in parts
+    )
+    return f"{text}, upside down" if laser.mount.flipped else text
+
+
+def _mount(found: MountFinding | None, right: Mount | None, duration_s: float) -> Iterator[Reason]:
+    """Args: right: where the laser sits, if that is known better than `found` tells it."""
     if found is None:
         return
-    option = laser_pose_option(found.right)
+    option = laser_pose_option(right or found.right)
     turn_deg = math.degrees(found.turn)
     if found.mirrored:
         text = "scans turn the other way than the wheels: the laser is mirrored"

@@ -92,10 +92,9 @@ class MountCheck:
         if self._before is not None:
             before, pose = self._before
             motion = pose.between(odom)
-            metres, turn = math.hypot(motion.x, motion.y), abs(motion.theta)
-            if metres < LEAST_M and turn < LEAST_RAD:
+            if not has_moved(motion):
                 return
-            is_wanted = metres <= MOST_M and turn <= MOST_RAD and scan.mount == before.mount
+            is_wanted = not is_far(motion) and scan.mount == before.mount
             self._told = scan.mount
             if is_wanted and self._is_next():
                 self.wins += _wins(before, scan, motion)
@@ -119,6 +118,16 @@ class MountCheck:
         yaw = rounded_angle(wrap_angle(told.pose.theta + turn))
         right = Mount(replace(told.pose, theta=yaw), told.flipped != mirrored)
         return MountFinding(right, turn, mirrored)
+
+
+def has_moved(motion: Pose2D) -> bool:
+    """Whether scans are so far apart, or so much turned, that they are compared."""
+    return math.hypot(motion.x, motion.y) >= LEAST_M or abs(motion.theta) >= LEAST_RAD
+
+
+def is_far(motion: Pose2D) -> bool:
+    """Whether they may see something else."""
+    return math.hypot(motion.x, motion.y) > MOST_M or abs(motion.theta) > MOST_RAD
 
 
 def _wins(before: RangeScan, after: RangeScan, motion: Pose2D) -> NDArray[np.bool_]:

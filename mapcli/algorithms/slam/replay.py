@@ -12,6 +12,7 @@ from mapcli.algorithms.scans.mount_check import MountCheck
 from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.slam.back_end import BackEndResult
 from mapcli.algorithms.slam.contradictions import compare_scans
+from mapcli.algorithms.slam.laser_calibration import LaserCalibration
 from mapcli.algorithms.slam.occupancy_grid import OccupancyGrid
 from mapcli.algorithms.slam.odometry_check import odometry_reasons
 from mapcli.algorithms.slam.persons_view import PersonsView
@@ -93,19 +94,25 @@ class ReplayRun:
             improve.
         interrupted: it was stopped early; stopped_by: the signal, if it was one.
         kept: the scans whose numbers are in `keep`.
-        mount: whether the laser sits where the log says.
+        mount: whether the laser sits where the log says; calibration: where it sits, if the log
+            does not say.
         sweeps: when the beams of a scan are taken, where the log does not tell.
         most_hits: beams of a scan that hit something, at most, where scans are matched.
     """
 
-    def __init__(self, slam: Slam, keep: Container[int] = ()) -> None:
+    def __init__(
+        self,
+        slam: Slam,
+        keep: Container[int] = (),
+        is_mount_unknown: Callable[[], bool] = lambda: False,
+    ) -> None:
         self.slam = slam
         self.poses: list[TracedPose] = []
         self.finalised: BackEndResult | None = None
         self.interrupted = False
         self.stopped_by: KeyboardInterrupt | None = None
         self.kept: dict[int, RangeScan] = {}
-        self.mount = MountCheck()
+        self.mount, self.calibration = MountCheck(), LaserCalibration(is_mount_unknown)
         self.sweeps = SweepSearch(slam.parameters)
         self._timed: RangeScan | None = None  # the first whose beams are not taken at once
         self.most_hits = 0
@@ -117,7 +124,7 @@ class ReplayRun:
         """Every scan with its pose, as the log goes on."""
         way_m = self.slam.parameters.perception.gather_m
         scans = odometry_at_scans(self.sweeps.settled(self._counted(records)), way_m)
-        for scan, odom in self.mount.watched(scans):
+        for scan, odom in self.calibration.watched(self.mount.watched(scans)):
             if self._timed is None and scan.first_ns < scan.last_ns:
                 self._timed = scan
             if len(self.poses) in self._keep:

@@ -248,8 +248,9 @@ class CarmenLog(Log):
         if mount is None:
             self.note(
                 f"{scan_name}: the laser's and the robot's poses differ by no constant offset "
-                "(a corrected log?); laser assumed at the robot's centre"
+                "(a corrected log?); mount unknown, assumed at the robot's centre"
             )
+            self.unknown_mounts.add(scan_name)
         elif mount != Mount():
             self.note(describe_mount(scan_name, mount))
         return mount or Mount()

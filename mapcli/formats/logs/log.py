@@ -210,7 +210,7 @@ class Log(ABC):
     def _all_records(self) -> Iterator[Entry]:
         self.damage.clear()
         self.beams, self.units = BeamCounts(), UnitCounts()
-        self.disordered, self.delays, self.sensors = 0, {}, {}
+        self.disordered, self.unknown_mounts, self.delays, self.sensors = 0, set(), {}, {}
         self.clock, self.outside = self._clock(), ScansOutside()
         self.require_scan_topics()
         if self.find_odom_topic() is None:
