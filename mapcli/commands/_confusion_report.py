@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 
-from mapcli.algorithms.similarity.comparisons import Comparison, ReadingsInDatabase, Scoring
+from mapcli.algorithms.similarity.comparisons import ReadingsInDatabase, Scoring
 from mapcli.algorithms.similarity.confusion import Confusion, confusion
-from mapcli.commands._say import say_lines
+from mapcli.commands._similarity_inputs import Loaded
+from mapcli.formats.documents.confusion_table import confusion_bytes
 from mapcli.formats.documents.similarity_table import position_name, turn_name
-from mapcli.model.perception import MeasuredTrials
 
 
-def say_confusion(
-    comparison: Comparison, trials: MeasuredTrials, scoring: Scoring, *, quiet: bool
-) -> None:
-    """Find the pose of every trial, and print how often which was taken for which."""
+def confusion_of(loaded: Loaded, scoring: Scoring) -> Confusion:
+    """Find the pose of every trial."""
+    comparison = loaded.comparison
     assert isinstance(comparison, ReadingsInDatabase)
-    found = confusion(comparison.database, trials, scoring.similarity, scoring.bearing_weight)
-    if not quiet:
-        say_lines(confusion_lines(found, scoring), err=False)
+    assert loaded.trials is not None
+    weight = scoring.bearing_weight
+    return confusion(comparison.database, loaded.trials, scoring.similarity, weight)
+
+
+def confusion_json(found: Confusion, loaded: Loaded, scoring: Scoring) -> bytes:
+    """The table as a document."""
+    parameters = asdict(scoring)
+    return confusion_bytes(found.poses, found.counts, found.summary(), loaded.digests, parameters)
 
 
 def confusion_lines(found: Confusion, scoring: Scoring) -> Iterator[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from mapcli.algorithms.similarity.comparisons import (
     score_comparison,
 )
 from mapcli.algorithms.similarity.measures import SIMILARITIES
-from mapcli.commands._confusion_report import say_confusion
+from mapcli.commands._confusion_report import confusion_json, confusion_lines, confusion_of
 from mapcli.commands._limit_option import limit_option
 from mapcli.commands._map_options import dialect_option
 from mapcli.commands._options import (
@@ -48,7 +49,7 @@ from mapcli.formats.maps.save import SUFFIXES
 from mapcli.formats.output import output_set
 from mapcli.model.grid import OCCUPIED_THRESHOLD
 from mapcli.model.limit import Limit
-from mapcli.model.similarity import LIMIT_FIELDS
+from mapcli.model.similarity import LIMIT_FIELDS, ConfusionSummary, TableSummary
 
 MATRICES = ScanOnMap | GridsOnMap
 """What is compared cell by cell."""
@@ -141,6 +142,8 @@ def command(
       mapcli similarity-table map.yaml scan.yaml --window-xy 1 --window-theta-deg 10 --png heat.png
       mapcli similarity-table --database database.yaml measured.yaml
       mapcli similarity-table --database database.yaml trials.yaml   # how precise?
+      mapcli similarity-table --database database.yaml trials.yaml --json precise.json \\
+          --fail-if 'right_share<0.9'
       mapcli similarity-table -q map.yaml scan.yaml --fail-if 'ties>0' --fail-if 'distance>0.2'
     """
     window = _window(window_xy, window_theta_deg, step_xy, step_theta_deg)
@@ -150,14 +153,14 @@ def command(
     check_outputs(outputs, [*files, *filter(None, [database])], "inputs", no_clobber=no_clobber)
     loaded = load_comparison(files, database, dialect, low)
     _check(loaded, window, png, update, sightings)
+    _check_fields(limits, loaded)
     if candidates and (window or not png or not isinstance(loaded.comparison, MATRICES)):
         raise click.UsageError("--candidates needs --png, and a scan or perception maps on a map.")
     measure = similarity or loaded.comparison.default_similarity
     scoring = Scoring(measure, low, bearing_weight)
     if loaded.trials is not None:
-        _refuse_with_trials(outputs, form, limits)
-        with _naming(loaded.perception):
-            say_confusion(loaded.comparison, loaded.trials, scoring, quiet=quiet)
+        _refuse_with_trials(png or update, form)
+        _confusion(loaded, scoring, form, json, no_clobber=no_clobber, quiet=quiet, limits=limits)
         return
     with _naming(loaded.perception):
         table = score_comparison(loaded.comparison, scoring, window)
@@ -179,14 +182,46 @@ def command(
         limit.check(answer.summary().values(lower=answer.table.lower), loaded.perception)
 
 
-def _refuse_with_trials(outputs: list[str], form: str | None, limits: tuple[Limit, ...]) -> None:
+def _refuse_with_trials(picture: str | None, form: str | None) -> None:
     """Say what has no meaning for many sets of readings.
 
     Raises:
         click.UsageError: such options.
     """
-    if outputs or limits or form not in (None, FORMATS[0]):
-        raise click.UsageError("A set of trials has its confusion table only, which is printed.")
+    if picture or form not in (None, *FORMATS[:2]):
+        raise click.UsageError("A set of trials has its confusion table only, as text or JSON.")
+
+
+def _confusion(
+    loaded: Loaded, scoring: Scoring, form: str | None, json: str | None, *, no_clobber: bool,
+    quiet: bool, limits: tuple[Limit, ...],
+) -> None:  # fmt: skip
+    """The answer to many sets of readings: which pose was found for which."""
+    with _naming(loaded.perception):
+        found = confusion_of(loaded, scoring)
+    if form == "json":
+        click.echo(confusion_json(found, loaded, scoring).decode(), nl=False)
+    elif form or not quiet:
+        say_lines(confusion_lines(found, scoring), err=json == "-")
+    with output_set(no_clobber=no_clobber) as results:
+        if json:
+            results.write(json, confusion_json(found, loaded, scoring))
+    for limit in limits:
+        limit.check(found.summary().values(), loaded.perception)
+
+
+def _check_fields(limits: tuple[Limit, ...], loaded: Loaded) -> None:
+    """Say what is not in the summary of this kind of perception.
+
+    Raises:
+        click.UsageError: a limit on it.
+    """
+    names = [one.name for one in fields(ConfusionSummary if loaded.trials else TableSummary)]
+    for limit in limits:
+        if limit.field not in names:
+            kind = "a set of trials" if loaded.trials else "one perception"
+            known = ", ".join(names)
+            raise click.UsageError(f"--fail-if {limit.field}: the summary of {kind} has {known}.")
 
 
 @contextmanager

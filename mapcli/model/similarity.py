@@ -142,5 +142,30 @@ class TableSummary:
         }
 
 
-LIMIT_FIELDS = limit_fields(field.name for field in fields(TableSummary))
-"""What limits may be set on."""
+@dataclass(frozen=True)
+class ConfusionSummary:
+    """How precisely the poses of many sets of readings were found.
+
+    Attributes:
+        trials: sets of readings.
+        ties: of these, where several poses were equally similar, so that nothing can be concluded.
+        right, right_share: whose pose was found, and the share of all.
+        right_position, right_position_share: whose position was found, whatever the heading.
+    """
+
+    trials: int
+    ties: int
+    right: int
+    right_share: float
+    right_position: int
+    right_position_share: float
+
+    def values(self) -> dict[str, float]:
+        """What limits may be set on."""
+        return {name: float(value) for name, value in asdict(self).items()}
+
+
+LIMIT_FIELDS = limit_fields(
+    dict.fromkeys(one.name for kind in (TableSummary, ConfusionSummary) for one in fields(kind))
+)
+"""What limits may be set on, of one set of readings and of many."""

@@ -258,6 +258,31 @@ def test_sets_of_readings_and_how_precise_they_are(capsys: Capture) -> None:
     assert capsys.readouterr().out == said
 
 
+def test_how_precise_as_numbers(capsys: Capture) -> None:
+    assert run("perceive", "-q", POINTS, "--pose", "0,0,0", "all.yaml") == 0
+    noise = "--noise", "0.5,10", "--times", "20"
+    assert run("perceive", "-q", POINTS, "--pose", "0,0,0", *noise, "trials.yaml") == 0
+    ask = "similarity-table", "-q", "--database", "all.yaml", "trials.yaml"
+    assert run(*ask, "--json", "c.json", "--fail-if", "right_share<0.5") == 0
+    table = json.loads(Path("c.json").read_text())
+    assert table["format"] == "mapcli.confusion-table"
+    assert table["poses"][4] == {"position": "up", "turn_deg": -15}
+    counts, summary = np.array(table["counts"]), table["summary"]
+    assert (counts.sum(axis=1) + table["ties"]).tolist() == [20] * 15
+    assert summary["trials"] == 300
+    assert summary["right"] == counts.trace()
+    assert 0.5 < summary["right_share"] == counts.trace() / 300 < summary["right_position_share"]
+    capsys.readouterr()
+    assert run(*ask, "--format", "json") == 0
+    assert capsys.readouterr().out == Path("c.json").read_text()
+    assert run(*ask, "--fail-if", "right_position_share<1") == 3
+    assert "right_position_share is 0." in capsys.readouterr().err
+    assert run(*ask, "--fail-if", "margin<1") == 2
+    assert "the summary of a set of trials has trials, ties, right" in capsys.readouterr().err
+    assert run(*ask, "--format", "csv") == 2
+    assert run(*ask, "--png", "p.png") == 2
+
+
 def test_a_measured_set_needs_no_pose_with_a_database(capsys: Capture) -> None:
     assert run("perceive", "-q", POINTS, "--pose", "0,0,0", "all.yaml") == 0
     text = "kind: landmarks\nmeasured: [[2.2, 41.6], [2.2, -11.6], [3.6, -41.3]]\n"

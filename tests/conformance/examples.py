@@ -34,6 +34,7 @@ EXAMPLES = {
         "<room.txt <scan.yaml --json >t.json --png >p.png --update >u.txt",
         "<points.yaml <landmarks.yaml --locate 3.162,-3.435 --update >u.yaml",
         "<measured.yaml --database <database.yaml --json >t.json",
+        "<trials.yaml --database <database.yaml --json >c.json",
     ),
     "perceive": (
         "<room.txt >d.yaml --cell 4,6 --beams 8",

@@ -58,6 +58,7 @@ def make_kit(folder: Path) -> None:
         f"convert {f}/room.txt {f}/image.yaml",
         f"convert {f}/room.txt {f}/picture.png",
         f"perceive {f}/room.txt {f}/database.yaml --cell 4,6 --beams 8",
+        f"perceive {f}/room.txt {f}/trials.yaml --cell 4,6 --beams 8 --noise 0.1 --times 2",
         f"perceive {f}/room.txt {f}/measured.yaml --cell 4,6 --beams 8 --alone",
         f"import {FIXTURES}/corridor.mcap {f}/log.mcap --end 0.8",
         f"import {FIXTURES}/corridor.mcap {f}/more.mcap --start 1 --end 1.5",

@@ -20,6 +20,7 @@ from mapcli.model.perception import (
     Trial,
     measured_of,
 )
+from mapcli.model.similarity import ConfusionSummary
 
 Floats = NDArray[np.float64]
 
@@ -47,6 +48,12 @@ class Confusion:
         """Trials whose position was found, whatever the heading."""
         names = np.array([position for position, _ in self.poses])
         return int(self.counts[:, :-1][names[:, None] == names].sum())
+
+    def summary(self) -> ConfusionSummary:
+        """What the table says in numbers."""
+        total, right, position = int(self.counts.sum()), self.right, self.right_position
+        ties = int(self.counts[:, -1].sum())
+        return ConfusionSummary(total, ties, right, right / total, position, position / total)
 
 
 def confusion(

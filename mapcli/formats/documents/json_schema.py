@@ -14,8 +14,9 @@ from typing import Any
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 
 DOCUMENTS = (
-    "pose-trace", "exploration-trace", "similarity-table", "evaluation", "log-info", "map-info",
-    "trace-info", "file-info", "sessions", "map-comparison", "map-transform", "rasterize", "mowing",
+    "pose-trace", "exploration-trace", "similarity-table", "confusion-table", "evaluation",
+    "log-info", "map-info", "trace-info", "file-info", "sessions", "map-comparison",
+    "map-transform", "rasterize", "mowing",
 )  # fmt: skip
 """What commands write; `format` in the document is `mapcli.` and the name."""
 
