@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from mapcli.commands._output import check_outputs
 from mapcli.commands._say import say, warn
 from mapcli.formats.output import output_set
 from mapcli.model.comparison import LIMIT_FIELDS, STATES, Comparison
+from mapcli.model.counting import counted
 from mapcli.model.grid import OCCUPIED_THRESHOLD
 from mapcli.model.limit import Limit
 
@@ -54,13 +56,16 @@ def command(
       agreement     of the cells that both know, the share in which they agree
       agreement_all the same of the cells that either knows
       iou_occupied  cells occupied in both, by cells occupied in either; iou_free likewise
-      wall_mean_m, wall_p95_m, wall_max_m   from each wall cell of either map to the nearest one
-                    of the other: mean, 95th percentile, largest
+      wall_mean_m, wall_p95_m, wall_max_m   from each wall cell of either map, where the other
+                    knows something, to the nearest one of the other: mean, 95th percentile, largest
+      changed_m2    cells occupied in one map where the other is free and has no wall in the next
+                    cell either, as places that appeared in B or vanished from A
 
     \b
     Examples:
       mapcli compare today.yaml reference.yaml
       mapcli compare mine.yaml truth.yaml --align --png differences.png
+      mapcli compare yesterday.yaml today.yaml --fail-if 'changed_m2>0.5'
       mapcli compare -q mine.yaml truth.yaml --fail-if 'iou_occupied<0.5' --fail-if 'wall_p95_m>0.1'
     """
     from mapcli import compare
@@ -74,7 +79,7 @@ def command(
         if png:
             from mapcli.pictures.difference import difference_picture
 
-            results.write(png, difference_picture(comparison.pairs, _names(a, b)))
+            results.write(png, difference_picture(comparison, _names(a, b)))
         if json_file:
             parameters = {"align": align, "low": low, "dialect": dialect}
             results.write(json_file, _json(comparison, digests, parameters))
@@ -109,6 +114,7 @@ def _json(comparison: Comparison, inputs: dict[str, str], parameters: dict[str, 
             f"{STATES[i]}_{STATES[j]}": int(comparison.cells[i, j])
             for i in range(3) for j in range(3) if (i, j) != (2, 2)
         },
+        "changes": [one.document() for one in comparison.changes],
     }  # fmt: skip
     return json_bytes(document("mapcli.map-comparison", inputs, parameters, content))
 
@@ -125,8 +131,28 @@ def _lines(comparison: Comparison) -> list[tuple[str, str]]:
         ("", f"{facts['agreement_all']:.1%} of {either:,} cells that either knows"),
         ("IoU", f"occupied {facts['iou_occupied']:.3f}, free {facts['iou_free']:.3f}"),
     ]
-    if facts["wall_mean_m"] is None:
-        return [*lines, ("walls", "none in one of the maps")]
-    mean, p95, most = (facts[f"wall_{name}_m"] for name in ("mean", "p95", "max"))
-    walls = f"{mean:.3f} m apart on average, 95 % within {p95:.3f} m, all within {most:.3f} m"
-    return [*lines, ("walls", walls)]
+    walls = "none that both could know"
+    if facts["wall_mean_m"] is not None:
+        mean, p95, most = (facts[f"wall_{name}_m"] for name in ("mean", "p95", "max"))
+        walls = f"{mean:.3f} m apart on average, 95 % within {p95:.3f} m, all within {most:.3f} m"
+    return [*lines, ("walls", walls), *_changes(comparison)]
+
+
+def _changes(comparison: Comparison) -> Iterator[tuple[str, str]]:
+    """The places where something has changed, numbered as in the picture."""
+    found = comparison.changes
+    if not found:
+        yield "changed", "nothing"
+        return
+    appeared, vanished = (comparison.changed_m2(kind) for kind in ("appeared", "vanished"))
+    area = f"{appeared:.2f} m2 appeared, {vanished:.2f} m2 vanished"
+    yield "changed", f"{counted(len(found), 'places')}: {area}"
+    for number, one in enumerate(found[:MOST_LISTED], 1):
+        size = f"{one.width:.2f} m x {one.height:.2f} m, {one.area_m2:.3f} m2"
+        yield str(number), f"{one.kind} at {one.x:.2f}, {one.y:.2f}: {size}"
+    if len(found) > MOST_LISTED:
+        yield "", f"and {len(found) - MOST_LISTED:,} smaller ones (--json lists all)"
+
+
+MOST_LISTED = 10
+"""Places that a person is told."""

@@ -3,16 +3,49 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapcli.model.changed_cells import ChangedCells
+from mapcli.model.grid import GridMap
 from mapcli.model.limit import limit_fields
 from mapcli.model.pose import Pose2D
 
 FREE, OCCUPIED, UNKNOWN = range(3)
 STATES = ("free", "occupied", "unknown")
+
+
+ChangeKind = Literal["appeared", "vanished"]
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A place where something has changed.
+
+    Attributes:
+        kind: it is in B and not in A, or the other way round.
+        x, y: metres, the middle of its box; width, height: of the box, along the map's axes.
+        area_m2: square metres of its cells.
+    """
+
+    kind: ChangeKind
+    x: float
+    y: float
+    width: float
+    height: float
+    area_m2: float
+
+    def document(self) -> dict[str, Any]:
+        return {
+            "kind": self.kind,
+            "x": round(self.x, 6) + 0.0,
+            "y": round(self.y, 6) + 0.0,
+            "width_m": round(self.width, 6),
+            "height_m": round(self.height, 6),
+            "area_m2": round(self.area_m2, 6),
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,10 +56,13 @@ class Comparison:
         cells: cells by state in A and state in B, shape (3, 3); both unknown is not counted.
         pairs: `3 * state in A + state in B` of each cell, shape (rows, columns), uint8.
         cell_area: square metres of a cell.
-        walls_a, walls_b: metres from each wall cell of the one to the nearest of the other;
-            empty when either has none.
+        walls_a, walls_b: metres from each wall cell of the one, where the other knows something,
+            to the nearest of the other; empty when either has none.
         alignment: the motion of B's world that was found; None when none was asked for.
         score: of that alignment.
+        changed: cells in which something vanished or appeared, shape (rows, columns).
+        changes: places where it did, the largest first.
+        place: a map of these cells of which nothing is known.
     """
 
     cells: NDArray[np.int64]
@@ -36,6 +72,13 @@ class Comparison:
     walls_b: NDArray[np.float64]
     alignment: Pose2D | None = None
     score: float | None = None
+    changed: ChangedCells | None = None
+    changes: tuple[Change, ...] = ()
+    place: GridMap | None = None
+
+    def changed_m2(self, kind: ChangeKind) -> float:
+        """Square metres of the places where something appeared, or vanished."""
+        return sum(one.area_m2 for one in self.changes if one.kind == kind)
 
     @property
     def agreement(self) -> float:
@@ -68,6 +111,10 @@ class Comparison:
             "wall_mean_a_to_b_m": _metres(self.walls_a, np.mean),
             "wall_mean_b_to_a_m": _metres(self.walls_b, np.mean),
             "common_m2": round(int(self.cells[:2, :2].sum()) * self.cell_area, 3),
+            "changed_m2": round(sum(one.area_m2 for one in self.changes), 6),
+            "appeared_m2": round(self.changed_m2("appeared"), 6),
+            "vanished_m2": round(self.changed_m2("vanished"), 6),
+            "places_changed": len(self.changes),
             "score": None if self.score is None else round(self.score, 4),
         }
 

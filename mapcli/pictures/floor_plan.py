@@ -64,16 +64,16 @@ def plan_image(
     driven = [one.points for one in paths]
     window = window_of(grid, np.concatenate(driven) if driven else None, scale=scale)
     layout = PlanLayout.of(window)
-    marks = _metre_marks(window)
+    marks = metre_marks(window)
     is_doubtful = any(one.doubtful is not None and one.doubtful.any() for one in paths)
     lines = 4 + LEGEND_LINES * is_doubtful + 2 * bool(caption)
-    image, window = _sheet(window, layout, marks, title=bool(title), lines=lines)
+    image, window = sheet(window, layout, marks, title=bool(title), lines=lines)
     pixels = map_pixels(window)
-    _metre_lines(pixels, marks)
+    metre_lines(pixels, marks)
     if frontier is not None:
         mark_cells(pixels, window, np.argwhere(frontier), RED)
     image.paste(Image.fromarray(pixels), (window.x, window.y))
-    _frame(image, window, layout, marks)
+    frame(image, window, layout, marks)
     for one in paths:
         if len(one.points):
             image = draw_path(image, window, layout, one)
@@ -83,7 +83,7 @@ def plan_image(
             _doubtful_line(image, window, layout)
     for marker in markers:
         _pin(image, window, layout, marker)
-    _scale_bar(image, window, layout)
+    scale_bar(image, window, layout)
     _write_around(image, window, layout, title, caption)
     return image
 
@@ -95,7 +95,7 @@ Marks = list[tuple[str, float]]
 """Metres as text, and their pixel along an edge of the plan."""
 
 
-def _sheet(
+def sheet(
     window: MapWindow, layout: PlanLayout, marks: tuple[Marks, Marks], *, title: bool, lines: float
 ) -> tuple[Image.Image, MapWindow]:
     """White paper with room for the plan, and so many lines under it; the window placed on it."""
@@ -116,7 +116,7 @@ def _write_around(
     draw_text(image, (window.x, below), caption, layout.letters, anchor="ls", fill=FAINT_INK)
 
 
-def _metre_marks(window: MapWindow) -> tuple[Marks, Marks]:
+def metre_marks(window: MapWindow) -> tuple[Marks, Marks]:
     """Round metres along the lower edge, and along the left one.
 
     They are world coordinates when the map is not turned, else counted from its corner.
@@ -142,7 +142,7 @@ def _metre_marks(window: MapWindow) -> tuple[Marks, Marks]:
     return marks(left, window.columns), along
 
 
-def _metre_lines(pixels: NDArray[np.uint8], marks: tuple[Marks, Marks]) -> None:
+def metre_lines(pixels: NDArray[np.uint8], marks: tuple[Marks, Marks]) -> None:
     """Faint lines at round metres, a tenth darker than what they cross."""
     for axis, edge in enumerate(marks):
         lines = pixels.swapaxes(0, 1) if axis == 0 else pixels
@@ -151,7 +151,7 @@ def _metre_lines(pixels: NDArray[np.uint8], marks: tuple[Marks, Marks]) -> None:
                 lines[round(pixel)] = lines[round(pixel)] // 20 * 18 + 6
 
 
-def _frame(
+def frame(
     image: Image.Image, window: MapWindow, layout: PlanLayout, marks: tuple[Marks, Marks]
 ) -> None:
     """A thin frame with metres along the left and the lower edge."""
@@ -171,7 +171,7 @@ def _pin(image: Image.Image, window: MapWindow, layout: PlanLayout, marker: Mark
     draw_text(image, (px + 10 * layout.unit, py), text, layout.letters, anchor="lm")
 
 
-def _scale_bar(image: Image.Image, window: MapWindow, layout: PlanLayout) -> None:
+def scale_bar(image: Image.Image, window: MapWindow, layout: PlanLayout) -> None:
     """A bar of round metres under the plan's left corner."""
     per_metre = window.zoom / window.grid.resolution
     metres = round_length(0.3 * (image.width - window.x) / per_metre)

@@ -66,7 +66,8 @@ def test_report_and_json(capsys: pytest.CaptureFixture[str]) -> None:
         "    agreement  83.3% of 12 cells that both know\n"
         "               71.4% of 14 cells that either knows\n"
         "          IoU  occupied 0.667, free 0.571\n"
-        "        walls  0.128 m apart on average, 95 % within 0.707 m, all within 0.707 m\n",
+        "        walls  0.086 m apart on average, 95 % within 0.572 m, all within 0.707 m\n"
+        "      changed  nothing\n",
         "",
     )
     found = json.loads(Path("c.json").read_text())

@@ -18,7 +18,7 @@ from mapcli.cli import COMMANDS, cli
 COPIES = {
     "room.txt": "map.txt",
     "image.yaml": "old.yaml mine.yaml truth.yaml today.yaml reference.yaml floor1.yaml "
-    "floor2.yaml floor3.yaml map.yaml",
+    "floor2.yaml floor3.yaml map.yaml yesterday.yaml",
     "image.pgm": "image.pgm scan.pgm",
     "database.yaml": "database.yaml",
     "measured.yaml": "measured.yaml",

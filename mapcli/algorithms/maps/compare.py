@@ -6,11 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from mapcli.algorithms.maps.changes import cells_changed, changes, place_of
 from mapcli.algorithms.maps.registration import register
 from mapcli.algorithms.maps.transform import joint_frame, move, sampled
 from mapcli.algorithms.maps.wall_direction import occupied_points
 from mapcli.model.comparison import FREE, OCCUPIED, UNKNOWN, Comparison
-from mapcli.model.grid import OCCUPIED_THRESHOLD, GridMap, histogram
+from mapcli.model.grid import OCCUPIED_THRESHOLD, PROBABILITIES, GridMap, histogram
 
 
 def compare(
@@ -34,13 +35,17 @@ def compare(
     pairs += _states(sampled(b, frame), threshold)
     cells = histogram(pairs)[:9].reshape(3, 3)
     cells[UNKNOWN, UNKNOWN] = 0
+    changed = cells_changed(pairs)
     return Comparison(
         cells,
         pairs,
         a.resolution**2,
-        *_wall_distances(occupied_points(a, threshold), occupied_points(b, threshold)),
+        *_wall_distances(a, b, threshold),
         alignment=None if found is None else found.motion,
         score=None if found is None else found.score,
+        changed=changed,
+        changes=changes(changed, frame),
+        place=place_of(frame),
     )
 
 
@@ -53,11 +58,23 @@ def _states(grid: GridMap, threshold: float) -> NDArray[np.uint8]:
 
 
 def _wall_distances(
-    a: NDArray[np.float64], b: NDArray[np.float64]
+    a: GridMap, b: GridMap, threshold: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Metres from each point of the one to the nearest of the other, and back."""
-    if not (len(a) and len(b)):
+    """Metres from each wall of the one that the other knows something about to the nearest of the
+    other, and back."""
+    walls_a, walls_b = (occupied_points(one, threshold) for one in (a, b))
+    if not (len(walls_a) and len(walls_b)):
         return np.empty(0), np.empty(0)
-    there, _ = cKDTree(b).query(a)
-    back, _ = cKDTree(a).query(b)
+    there, _ = cKDTree(walls_b).query(walls_a[_known(b, walls_a)])
+    back, _ = cKDTree(walls_a).query(walls_b[_known(a, walls_b)])
     return there, back
+
+
+def _known(grid: GridMap, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether a map knows something about each point."""
+    rows, columns = grid.cells_of_world(points).T
+    inside = (rows >= 0) & (columns >= 0) & (rows < grid.rows) & (columns < grid.columns)
+    known = np.zeros(len(points), np.bool_)
+    there = grid.stored[rows[inside], columns[inside]]
+    known[inside] = ~np.isnan(PROBABILITIES[there] if there.dtype == np.uint8 else there)
+    return known

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from mapcli.algorithms.slam.log_odds import (
     MAX_COUNTS,
@@ -14,10 +13,8 @@ from mapcli.algorithms.slam.log_odds import (
     log_odds_from_probabilities,
     probabilities_from_log_odds,
 )
+from mapcli.model.changed_cells import States, changed_cells
 from mapcli.model.grid import GridMap
-
-NEIGHBOURS = np.ones((3, 3), np.bool_)
-"""A wall may be a cell off from one drive to the next, by what poses err."""
 
 
 def fuse(maps: Sequence[GridMap], *, static: bool) -> GridMap:
@@ -47,10 +44,8 @@ def fuse(maps: Sequence[GridMap], *, static: bool) -> GridMap:
 
 def _disagree(one: NDArray[np.int16], other: NDArray[np.int16]) -> NDArray[np.bool_]:
     """Where one has an obstacle, and the other is open with no obstacle next to it."""
-    near_one, near_other = (binary_dilation(counts > 0, NEIGHBOURS) for counts in (one, other))
-    gone = (one > 0) & (other < 0) & ~near_other
-    come = (other > 0) & (one < 0) & ~near_one
-    return np.asarray(gone | come)
+    changed = changed_cells(States(one > 0, one < 0), States(other > 0, other < 0))
+    return np.asarray(changed.vanished | changed.appeared)
 
 
 def _added(one: NDArray[np.int16], other: NDArray[np.int16]) -> NDArray[np.int16]:
