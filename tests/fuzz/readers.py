@@ -10,14 +10,17 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from conftest import FIXTURES
+from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan as FoxgloveScan
 from fuzz import binary_grammars, text_grammars
 from fuzz.bounds import Read
 from fuzz.mutations import mutate, swollen
 from mcap.writer import CompressionType
 from PIL import Image
+from support.dresses import Said, write_foxglove, write_mcap, write_ros1, write_ros2
 from support.mcap_making import Sent, mcap_bytes, odom, scan, sonar, tf, tf_static, transform
 
 from mapcli.algorithms.sessions.saving import restored
@@ -327,6 +330,36 @@ def pose_grammar(random: Random) -> bytes:
     return binary_grammars.mcap(random, POSE_CHANNELS)
 
 
+def dressed() -> tuple[bytes, ...]:
+    """The same drive in other encodings and containers."""
+    said = [Said(sent.topic, sent.type, sent.log_ns, sent.message) for sent in MESSAGES]
+    scans = [
+        Said("/scan", "", k * 10**9, FoxgloveScan(timestamp={"seconds": k}, frame_id="laser",
+                                                  end_angle=1.0, ranges=[1.0, 2.0, 3.0]))
+        for k in range(1, 5)
+    ]  # fmt: skip
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        (database,) = write_ros2(folder / "bag", said).glob("*.db3")
+        files = (
+            write_mcap(folder / "a.mcap", said, "cdr", ""),
+            write_mcap(folder / "b.mcap", said, "ros1", "ros1msg"),
+            write_mcap(folder / "c.mcap", said, "json", ""),
+            write_foxglove(folder / "d.mcap", scans, "protobuf"),
+            write_ros1(folder / "e.bag", said),
+            write_ros1(folder / "f.bag", said, "lz4", 300),
+            database,
+        )
+        return tuple(file.read_bytes() for file in files)
+
+
+DRESSED = dressed()
+
+
+def dressed_grammar(random: Random) -> bytes:
+    return mutate(random.choice(DRESSED), random, DRESSED)
+
+
 READERS = (
     Reader("text map", ".txt", TEXTS, text_grammars.text_map, load_map),
     Reader("YAML map of cells", ".yaml", CELLS, text_grammars.cells_yaml, load_map),
@@ -347,4 +380,5 @@ READERS = (
            lambda path: read_sensors_file(str(path)) and None),
     Reader("MCAP range sensors", ".mcap", logs_of(RINGS), ring_grammar, read_log),
     Reader("MCAP log", ".mcap", logs_of(MESSAGES), log_grammar, read_log),
+    Reader("log in another dress", ".bag", DRESSED, dressed_grammar, read_log),
 )  # fmt: skip
