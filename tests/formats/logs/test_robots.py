@@ -258,6 +258,14 @@ def test_static_transforms_outside_the_namespace_of_the_only_robot(tmp_path: Pat
     assert read(mcap_file(tmp_path, *in_order(sent)))[:2] == ([0.1], [1.0, 1.0])
 
 
+def test_odometry_on_one_of_several_topics_of_transforms(tmp_path: Path) -> None:
+    """What moves is on /tf, and joints of the robot's arm are in its namespace."""
+    arm = tf(1, transform(1, "base_link", "arm"), topic="/robot1/tf")
+    sent = robot(1, static="/tf_static", moving="/tf", wheels=False, odom_frame=True)
+    _, odometry, log = read(mcap_file(tmp_path, *in_order([arm, *sent])))
+    assert (odometry, log.odom_topic) == ([1.0, 1.0], "/tf")
+
+
 def test_transforms_of_a_room_beside_those_of_the_robot(tmp_path: Path) -> None:
     """A camera in the room tells where other things are."""
     seen = transform(1, "vicon", "base_link", (7, 7, 0))

@@ -72,6 +72,7 @@ class Robots:
         self._read_frame, self._read_transforms = frame, transforms
         self._frames: dict[Topic, str] = {}
         self._trees: dict[str, FrameTree] = {}
+        self._children: dict[Topic, set[str]] = {}
         self._spaces_of: dict[Topic, tuple[str, ...]] = {}
 
     # Transforms
@@ -174,8 +175,10 @@ class Robots:
     def carrying(self, child: str, topics: Sequence[Topic]) -> Topic:
         """The first of some topics of transforms that tells where a frame is."""
         for topic in topics[:-1]:
-            some = islice(self._read_transforms([topic]), MOVING_TRANSFORMS)
-            if any(transform.child == child for transform in some):
+            if topic not in self._children:
+                some = islice(self._read_transforms([topic]), MOVING_TRANSFORMS)
+                self._children[topic] = {transform.child for transform in some}
+            if child in self._children[topic]:
                 return topic
         return topics[-1]
 
