@@ -116,9 +116,16 @@ _SENSOR = click.option(
 )  # fmt: skip
 
 
+_STAGGER = click.option(
+    "--stagger", is_flag=True,
+    help="The range sensors fire one after another, evenly within a period, as sonars do that "
+    "would hear each other.",
+)  # fmt: skip
+
+
 def robot_options(command: Command) -> Command:
     """Drive, wheels, lasers, surroundings."""
-    for option in (_REAR, _SENSOR, _NO_RETURN, _FAULTS):
+    for option in (_REAR, _STAGGER, _SENSOR, _NO_RETURN, _FAULTS):
         command = option(command)
     for flag, default, text, settings in reversed(_OPTIONS):
         command = click.option(flag, default=default, show_default=True, help=text, **settings)(
@@ -131,7 +138,7 @@ def sensors_of(given: dict[str, Any], laser: LaserModel) -> dict[str, LaserModel
     """The range sensors, by name.
 
     Raises:
-        click.UsageError: a name comes twice, or a laser is asked for besides.
+        click.UsageError: a name comes twice, a laser is asked for besides, or none are staggered.
     """
     sensors = {
         name: replace(laser, beams=1, fov_deg=1.0, mount=mount, turn_time=0.0)
@@ -139,6 +146,8 @@ def sensors_of(given: dict[str, Any], laser: LaserModel) -> dict[str, LaserModel
     }
     if len(sensors) < len(given["sensors"]):
         raise click.UsageError("--sensor gives two sensors the same name.")
+    if given["stagger"] and not sensors:
+        raise click.UsageError("--stagger is for range sensors; add --sensor.")
     if sensors and given["rear_laser_pose"]:
         raise click.UsageError("--sensor is for robots without a laser: no --rear-laser-pose.")
     return sensors

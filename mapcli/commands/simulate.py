@@ -125,6 +125,7 @@ def command(
             simulation, people=given["people"], glass=given["glass"],
             rear=replace(laser, mount=Mount(rear)) if rear else None,
             start_ns=round(given["start_time"] * NANOSECONDS), sensors=sensors,
+            staggered=given["stagger"],
         )  # fmt: skip
     _write(simulation, out, given["no_clobber"], quiet)
     if not quiet:

@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import FIXTURES, run
 from support.replaying import traced
 
+from mapcli import open_log
+from mapcli.algorithms.scans.odometry_interpolation import odometry_at_scans
 from mapcli.algorithms.similarity.measures import SIMILARITIES
+from mapcli.model.range_reading import GatheredScan, RangeReading
 
 ROBOT = ("--odom-noise", "0,0,0,0", "--speed", "0.2", "--range-max", "2")
 LASER = ("--beams", "61", "--fov-deg", "180")
@@ -50,6 +54,25 @@ def test_perfect_odometry_is_never_left_by_more_than_a_cell(sensor: tuple[str, .
     assert error(log, "--search", "none") < 1e-5
     for similarity in SIMILARITIES:
         assert error(log, "--search", "book", "--similarity", similarity) <= CELL
+
+
+def test_sonars_that_fire_one_after_another_are_gathered() -> None:
+    """Eight of them, 1/80 s apart: none of their readings are at the same time."""
+    log = simulated(*RING, "--stagger")
+    records = list(open_log(log).records())
+    stamps = [one.stamp_ns for one in records if isinstance(one, RangeReading)]
+    assert np.diff(stamps).tolist() == [12_500_000] * (len(stamps) - 1)
+    scans = [scan for scan, _ in odometry_at_scans(iter(records))]
+    gathered = [scan for scan in scans if isinstance(scan, GatheredScan)]
+    assert len(scans) == len(gathered) + 1  # the first reading stays alone
+    assert all(len({one.mount for one, _ in scan.readings}) == 8 for scan in gathered)
+    assert error(log, "--search", "book") <= CELL
+
+
+def test_what_is_staggered_are_sensors(capsys: pytest.CaptureFixture[str]) -> None:
+    world, path = str(FIXTURES / "corridor.yaml"), str(FIXTURES / "corridor-path.txt")
+    assert run("simulate", world, "--path", path, "--stagger", "x.mcap") == 2
+    assert "--stagger is for range sensors; add --sensor" in capsys.readouterr().err
 
 
 @pytest.mark.slow

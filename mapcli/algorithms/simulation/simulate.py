@@ -50,6 +50,8 @@ class Simulation:
         seed: of the noise; any whole number from 0 is a seed. Wheels, lasers, people and glass
             draw from generators of their own, so that changing one leaves the noise of the others.
         sensors: range sensors with one beam each, by name, instead of the lasers.
+        staggered: they fire one after another, evenly within a period, as sonars do that would
+            hear each other.
         rear: a second laser, which scans half a period after the first; None for none.
         people: how many walk about, from somewhere on the robot's way.
         glass: share of what is solid that is of glass, see `glazed`.
@@ -70,6 +72,7 @@ class Simulation:
     glass: float = 0.0
     start_ns: int = START_NS
     sensors: Mapping[str, LaserModel] = field(default_factory=dict)
+    staggered: bool = False
 
     def __post_init__(self) -> None:
         if self.people < 0:
@@ -156,8 +159,15 @@ class Simulation:
         """Of one of the range sensors, which has noise of its own."""
         name, sensor = list(self.sensors.items())[number]
         rng = self._generator(FIRST_SENSOR + number)
-        for time in self._times(sensor):
+        for time in self._firing_times(number):
             yield sensor.reading(name, self.scene, self.true_pose, time, self.start_ns, rng)
+
+    def _firing_times(self, number: int) -> Iterator[float]:
+        """Of one of the range sensors, none past the end."""
+        sensors = list(self.sensors.values())
+        late = number / len(sensors) / sensors[number].rate if self.staggered else 0.0
+        times = (late + time for time in self._times(sensors[number]))
+        return (time for time in times if time <= self.duration)
 
     def _times(self, sensor: LaserModel) -> Iterator[float]:
         return (i / sensor.rate for i in range(math.floor(self.duration * sensor.rate) + 1))
@@ -181,7 +191,7 @@ class Simulation:
     def scan_count(self) -> int:
         """Scans of all lasers, or readings of all sensors, none that begins past the end."""
         if self.sensors:
-            return sum(1 for one in self.sensors.values() for _ in self._times(one))
+            return sum(1 for k in range(len(self.sensors)) for _ in self._firing_times(k))
         return sum(1 for _ in self._scan_times()) + sum(1 for _ in self._rear_times())
 
     def _odometry_times(self) -> Iterator[float]:
