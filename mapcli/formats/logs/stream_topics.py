@@ -45,7 +45,9 @@ def described(file: MessageFile, number: int, stream: Stream, named: Container[s
     what its first messages are (`recognition`)."""
     if stream.type and not (stream.topic in named and kind_of_type(stream.type) is None):
         return stream
-    first = islice(file.messages({number}, Damage()), FIRST_MESSAGES)
+    messages = file.messages({number}, Damage())
+    sound = (message for message in messages if not (message.lost or message.doubtful))
+    first = islice(sound, FIRST_MESSAGES)
     try:
         found = recognised([bytes(unpacked(message.data)) for message in first], stream.encoding)
     except ValueError:  # packed, and broken

@@ -180,6 +180,16 @@ def test_a_topic_of_a_foreign_type_is_read_when_it_is_named(tmp_path: Path) -> N
     same(read(path, scan_topics=("/scan",))[0], wanted())
 
 
+def test_what_a_topic_is_does_not_hang_on_messages_that_are_damaged(tmp_path: Path) -> None:
+    path = write_mcap(tmp_path / "a.mcap", drive(), "cdr", "")
+    content = bytearray(path.read_bytes())
+    content[4726] ^= 0xFF  # in the first chunk
+    path.write_bytes(content)
+    found, log = read(path)
+    assert log.damage.counts
+    assert sum(isinstance(record, RangeScan) for record in found) > 20
+
+
 def test_what_is_like_no_message_is_not_recognised(tmp_path: Path) -> None:
     stamp = built("builtin_interfaces/msg/Time", 1, 0)
     header = built("std_msgs/msg/Header", stamp, "base")
