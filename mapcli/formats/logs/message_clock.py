@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import chain, islice, pairwise
+from itertools import islice, pairwise
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -28,7 +28,7 @@ from mapcli.model.log import MissedScans, Topic
 from mapcli.model.scan import LATEST_STAMP_S, NANOSECONDS
 
 FIRST_MESSAGES = 500
-"""Are looked at before the first is given out: some ten seconds."""
+"""Are looked at before the log is read: some ten seconds."""
 
 SET_NS = round(SET_BACK_S * NANOSECONDS)
 """A clock that goes by so much more or less than that of the recording, from one message to the
@@ -86,19 +86,23 @@ class MessageClocks:
         self._topics: dict[str, _TopicClock] = {}
         self._shifts = [0]
 
-    def timed(self, messages: Iterable[Decoded]) -> Iterator[Decoded]:
-        """The messages, each with its time in the place of its log time, nanoseconds; it may be
-        none that there is."""
-        rest = iter(messages)
-        first = list(islice(rest, FIRST_MESSAGES)) if self._is_free else []
-        kinds = _by_topic(first)
+    def look_at(self, messages: Iterable[Decoded]) -> None:
+        """Find out what the stamps are worth by the first of the messages, none of which is kept:
+        clouds are large."""
+        if not self._is_free:
+            return
+        kinds = _by_topic(islice(messages, FIRST_MESSAGES))
         if why := _what_is_wrong(kinds):
             self.clock.source, self.clock.why = "log", why
-        self._is_free = self._is_free and bool(kinds) and all(map(_keeps_pace, kinds.values()))
+        self._is_free = bool(kinds) and all(map(_keeps_pace, kinds.values()))
         for name, rows in kinds.items():
             usual = [row.log_time - row.stamp for row in rows[:FEWEST]]
             self._topics[name] = _TopicClock(round(float(np.median(usual))), 0)
-        for log_time, topic, message, part, doubtful in chain(first, rest):
+
+    def timed(self, messages: Iterable[Decoded]) -> Iterator[Decoded]:
+        """The messages, each with its time in the place of its log time, nanoseconds; it may be
+        none that there is."""
+        for log_time, topic, message, part, doubtful in messages:
             time = log_time
             if not isinstance(message, MissedScans):
                 known = self._time_beside_damage if doubtful else self._time
@@ -155,7 +159,7 @@ class MessageClocks:
         return shift
 
 
-def _by_topic(messages: Sequence[Decoded]) -> dict[str, list[_Row]]:
+def _by_topic(messages: Iterable[Decoded]) -> dict[str, list[_Row]]:
     """Those with a possible stamp."""
     kinds: dict[str, list[_Row]] = {}
     for log_time, topic, message, _, doubtful in messages:

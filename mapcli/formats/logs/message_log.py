@@ -152,7 +152,10 @@ class MessageLog(Log):
         mounts: dict[Place, Mount] = {}
         turns = defaultdict[Topic, TurnAssembler](TurnAssembler)
         sensors = RangeTopics(self, robot)
-        for stamp, topic, message, part, doubtful in clocks.timed(self._followed(wanted, robot)):
+        clocks.look_at(self._followed(wanted, robot, Damage()))
+        for stamp, topic, message, part, doubtful in clocks.timed(
+            self._followed(wanted, robot, self.damage)
+        ):
             self.part, self.is_damaged = part, doubtful
             if isinstance(message, MissedScans):
                 yield message
@@ -191,10 +194,10 @@ class MessageLog(Log):
             if assembler.segments > 1:
                 self.note(f"{topic.name}: {assembler.segments} messages make one turn")
 
-    def _followed(self, wanted: Sequence[Topic], robot: Robot) -> Iterator[Decoded]:
+    def _followed(self, wanted: Sequence[Topic], robot: Robot, damage: Damage) -> Iterator[Decoded]:
         """The messages; of transforms, the robot's poses by odometry that they make."""
         transforms = TfOdometry(robot) if any(topic.role == "tf" for topic in wanted) else None
-        for log_time, topic, message, part, doubtful in self._messages(wanted, self.damage):
+        for log_time, topic, message, part, doubtful in self._messages(wanted, damage):
             if transforms is not None and topic.role == "tf":
                 message = transforms.follow(message)
                 if message is None:
