@@ -256,6 +256,7 @@ class ReplayRun:
                 self.finalised.unjoined if self.finalised else (),
                 self.finalised.begins if self.finalised else (),
                 may_be_told=self.slam.parameters.loops is not None,
+                is_searched=self.slam.parameters.match.search != "none",
             ),
             *wheel_reasons(trace.poses, self.slam.faults.failures),
             *wrong_lines(self._wrong_lines(), duration_s),

@@ -81,6 +81,7 @@ def map_reasons(
     begins: Sequence[int] = (),
     *,
     may_be_told: bool = True,
+    is_searched: bool = True,
 ) -> tuple[Reason, ...]:
     """What makes a map doubtful or bad, of the map itself.
 
@@ -93,6 +94,7 @@ def map_reasons(
         begins: first scans of the pieces that begin after one was lost: the robot did not drive
             there from the scan before.
         may_be_told: a person may tell what the robot does not know (`slam.known_places`).
+        is_searched: whether scans were matched at all, or poses are odometry's.
     """
     if not poses:
         return ()
@@ -102,7 +104,7 @@ def map_reasons(
         *run.contradicting("torn", LOST, lambda one: one.near),
         *run.torn(),
         *run.unjoined(unjoined),
-        *run.by_odometry_alone(),
+        *run.by_odometry_alone(is_searched=is_searched),
         *run.sliding(),
         *run.never_seen_again(),
     )
@@ -203,13 +205,25 @@ class _Run:
             told = f"--same-place T,{self.seconds[first]:.1f}" if self.may_be_told else ""
             yield self._reason("unjoined", "bad", first, last, ELSEWHERE, told)
 
-    def by_odometry_alone(self) -> Iterator[Reason]:
-        """Stretches at which the map said nothing of the robot's pose."""
-        spans = self._stretches(lambda pose: pose.status == "odometry")
+    def by_odometry_alone(self, *, is_searched: bool) -> Iterator[Reason]:
+        """Stretches at which the map said nothing of the robot's pose; where no scan was searched
+        for, those that scans nearby do not confirm."""
+        spans, why = self._stretches(lambda pose: pose.status == "odometry"), "fitted the map"
+        if not is_searched:
+            spans, why = self._unconfirmed(), "nearby fixes it"
         for first, last in _longest([span for span in spans if self._way(*span) > ALONE_M]):
-            text = f"{self._way(first, last):.0f} m by odometry alone: no scan fitted the map"
+            text = f"{self._way(first, last):.0f} m by odometry alone: no scan {why}"
             told = self._same_place(last)
             yield self._reason("odometry_alone", "doubtful", first, last, text, told)
+
+    def _unconfirmed(self) -> list[tuple[int, int]]:
+        """The way between scans that agree with those nearby, and would not elsewhere."""
+        confirmed = [
+            one.scan
+            for one in self.agreements
+            if one.fixed_near and one.near is not None and one.near <= CONTRADICTED
+        ]
+        return list(pairwise([0, *confirmed, len(self.poses) - 1]))
 
     def sliding(self) -> Iterator[Reason]:
         """Stretches where scans do not tell how far the robot has come, and odometry is not to be

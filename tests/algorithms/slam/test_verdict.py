@@ -97,6 +97,15 @@ def test_a_stretch_by_odometry_alone_is_doubtful() -> None:
     assert verdict_of([alone]) == "doubtful"
 
 
+def test_odometry_that_scans_nearby_confirm_is_good_where_none_was_searched_for() -> None:
+    poses = driven(100, range(100))
+    assert map_reasons(poses, agreements(100), is_searched=False) == ()
+    blind = [replace(one, fixed_near=one.scan not in range(30, 34)) for one in agreements(100)]
+    alone = map_reasons(poses, blind, is_searched=False)[0]
+    assert (alone.kind, alone.from_s, alone.to_s) == ("odometry_alone", 29, 34)
+    assert alone.text == "5 m by odometry alone: no scan nearby fixes it"
+
+
 def test_a_scan_by_odometry_alone_is_not() -> None:
     assert reasons(driven(100, range(30, 32)), agreements(100)) == ()
 
