@@ -46,15 +46,6 @@ from mapcli.commands._replay_perceptions import (
     perception_files,
 )
 from mapcli.commands._say import say
-from mapcli.commands._session_outputs import SessionOutputs
-from mapcli.commands._sessions import (
-    DriveInput,
-    SessionOptions,
-    drive_name,
-    refuse_with_drives,
-    replay_sessions,
-    state_of,
-)
 from mapcli.errors import DataError
 from mapcli.formats.input import DigestingReader
 from mapcli.formats.maps.load import LoadedMap
@@ -194,6 +185,15 @@ def command(
         named = {key: value for key, value in asdict(outputs).items() if value}
         outputs = ReplayOutputs(**{**usual, **named})
     if sessions or continued:
+        # What a single drive does not need is not imported for it.
+        from mapcli.commands._session_outputs import SessionOutputs
+        from mapcli.commands._sessions import (
+            DriveInput,
+            SessionOptions,
+            refuse_with_drives,
+            replay_sessions,
+        )
+
         alone = {
             "--known": known, "--initial-pose": initial_pose, "--trace": trace, "--mcap": mcap,
             "--save-perception": saved, "--explain": explain, "--no-loop-closing": not loop_closing,
@@ -247,6 +247,8 @@ def command(
     )
     more = explainer.contents(log.name) if explainer else {}
     if state:
+        from mapcli.commands._sessions import drive_name, state_of
+
         more = {state: state_of(run, drive_name(logs[0]), head, summary)}
     write_outputs(outputs, replayed, head, perceptions | more, no_clobber=no_clobber)
     if not (quiet or summary.matched):
