@@ -21,17 +21,20 @@ def empty_table(room: int, extent: float = 0.0) -> kernels.SurfelTable:
     """Room for so many tiles and slots, and for points so far from the origin, metres."""
     far = BORDER + 1 + floor(extent / CELL / SIDE)
     directory = np.zeros((2 * far, 2 * far), np.int32)
-    moments = np.zeros((room, 8))
-    moments[0, kernels.MEAN_X :] = kernels.NOWHERE
+    moments = np.zeros((room, 10))
+    moments[0, [kernels.MEAN_X, kernels.MEAN_Y]] = kernels.NOWHERE
     grid = SparseGrid(directory, (-far, -far), np.zeros((room, SIDE, SIDE), np.int32))
-    surfels, states = np.zeros((room, 5)), np.zeros(room, np.int8)
+    surfels, states = np.zeros((room, 7)), np.zeros(room, np.int8)
     return kernels.SurfelTable(grid, moments, surfels, states, CELL, THICKNESS)
 
 
-def table_of(points: Floats) -> tuple[kernels.SurfelTable, Used]:
-    """A table with these points, and the numbers of tiles and slots in it."""
+def table_of(points: Floats, rays: Floats | None = None) -> tuple[kernels.SurfelTable, Used]:
+    """A table with these points, seen along these rays or from anywhere, and the numbers of tiles
+    and slots in it."""
     table = empty_table(len(points) + 1, np.abs(points).max(initial=0.0))
-    done, used = kernels.add_points(table, (1, 1), points, 0)
+    done, used = kernels.add_points(
+        table, (1, 1), points, np.zeros_like(points) if rays is None else rays, 0
+    )
     assert done == len(points)
     return table, used
 

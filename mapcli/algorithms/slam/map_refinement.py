@@ -100,8 +100,8 @@ def surfel_map_of(trajectory: TrackedTrajectory, poses: list[Pose2D], cell: floa
     """The surfels that the keyframes make at these poses (one for each scan)."""
     surfels = SurfelMap(cell)
     for keyframe in trajectory.keyframes:
-        points = trajectory.points[keyframe.scan].astype(np.float64)
-        surfels.add(poses[keyframe.scan].apply(points))
+        points, pose = trajectory.points[keyframe.scan].astype(np.float64), poses[keyframe.scan]
+        surfels.add(pose.apply(points), pose.apply(keyframe.perception.laser[None])[0])
     return surfels
 
 

@@ -226,7 +226,7 @@ class OccupancyGrid:
         if len(points) == 1:
             return WrittenCells(*(np.empty(0, np.int64) for _ in range(2)))
         ends, beams, max_touched = self._place(pose, points, hits)
-        self.surfels.add(ends[:hits])
+        self.surfels.add(ends[:hits], ends[-1])
         lengths = self._write(beams, max_touched)
         if update_field:
             changed = self._lists.changed[: lengths.changed]

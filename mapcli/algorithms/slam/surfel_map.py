@@ -34,6 +34,9 @@ START, START_TILES = 1 << 10, 1 << 7
 SCANS_AT_ONCE = 200
 """Scans that one processor fits before it looks for more."""
 
+SHORTEST_RAY = 1e-6
+"""Metres; a point that is where the laser is is seen from anywhere."""
+
 MOST_TILES = 1 << 22
 """16 MB of directory: what 1 km x 1 km at 3 cm would take."""
 
@@ -89,8 +92,8 @@ class SurfelMap:
         self._used: Used = 1, 1  # the first tile and the first slot are the empty ones
         tiles = np.zeros((START_TILES, SIDE, SIDE), np.int32)
         grid = SparseGrid(np.zeros((0, 0), np.int32), (0, 0), tiles)
-        moments = np.zeros((START, 8))
-        moments[0, kernels.MEAN_X :] = kernels.NOWHERE
+        moments = np.zeros((START, 10))
+        moments[0, [kernels.MEAN_X, kernels.MEAN_Y]] = kernels.NOWHERE
         self._table = _table_of(grid, moments, cell)
 
     @property
@@ -98,15 +101,20 @@ class SurfelMap:
         """The surfels as kernels take them, until more points are added."""
         return self._table
 
-    def add(self, points: NDArray[np.float64]) -> None:
+    def add(self, points: NDArray[np.float64], laser: NDArray[np.float64] | None = None) -> None:
         """Add ends of beams, shape (n, 2), metres in the map.
+
+        Args:
+            laser: shape (2,), where the beams start; None if walls are known without a scan, and
+                may be seen from either side.
 
         Raises:
             DataError: they are absurdly far apart.
         """
-        done = 0
+        done, rays = 0, np.zeros_like(points) if laser is None else points - laser
+        rays /= np.maximum(np.hypot(rays[:, 0], rays[:, 1]), SHORTEST_RAY)[:, None]
         while done < len(points):
-            done, self._used = kernels.add_points(self._table, self._used, points, done)
+            done, self._used = kernels.add_points(self._table, self._used, points, rays, done)
             if done < len(points):
                 self._make_room(points[done:])
         self._table.states[: self._used[1]] = kernels.STALE
@@ -205,7 +213,7 @@ def _table_of(grid: SparseGrid, moments: NDArray[np.float64], cell: float) -> ke
     """A table with these cells, whose surfels are all still to be made."""
     slots = len(moments)
     return kernels.SurfelTable(
-        grid, moments, np.zeros((slots, 5)), np.zeros(slots, np.int8), cell, THICKNESS
+        grid, moments, np.zeros((slots, 7)), np.zeros(slots, np.int8), cell, THICKNESS
     )
 
 

@@ -171,7 +171,7 @@ class _SweepFit:
             bounds = np.flatnonzero(np.diff(timed.scans, prepend=-1, append=-1))
             for first, end in pairwise(bounds.tolist()):
                 if timed.scans[first] in keys:
-                    surfels.add(points[first:end])
+                    surfels.add(points[first:end], seen_from[first, :2])
         return surfels
 
     def crispness(self, surfels: SurfelMap) -> Crispness:

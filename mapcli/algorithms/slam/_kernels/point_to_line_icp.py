@@ -138,7 +138,8 @@ def associate(
     matched = 0
     for p in range(len(points)):
         px, py = points[p, 0], points[p, 1]
-        at = nearest_surfel(table, pose.x + c * px - s * py, pose.y + s * px + c * py)
+        rx, ry = c * px - s * py, s * px + c * py
+        at = nearest_surfel(table, pose.x + rx, pose.y + ry, rx, ry)
         correspondences[p] = at
         matched += at > 0
     return matched

@@ -6,6 +6,12 @@ SURFEL is the line through the points of a cell and its neighbours: their mean, 
 matrix that is large across the line and zero along it, so that a scan in a corridor says nothing
 about how far along the robot is.
 
+A wall has two sides, a thickness apart that is seldom more than a few cells. Points that are seen
+from opposite sides are of different surfaces: one line through both would lie inside the wall, and
+draw the scans of each side towards those of the other, so that the whole map shrinks. So each cell
+keeps from where its points were seen and takes points from neighbours on its own side only, and a
+surfel's normal looks along the rays (Rusu 2009), so that it is no correspondence of a point behind.
+
 Points and means are (x, y) in metres, in the map's frame.
 """
 
@@ -29,16 +35,21 @@ WIDEST_NEIGHBOURHOOD = 5
 """Cells around a cell that may lend it their points when it has few."""
 FEWEST = 4
 """Points that make a surfel."""
+LEAST_ACROSS = 0.2
+"""Of unit rays, on the mean, that must be across a line for it to have a side: less is of a thing
+thinner than a cell, which was seen from both."""
 NOWHERE = 1e150
 """The mean of no points: farther than everything, even when it is squared."""
 
-COUNT, X, Y, XX, XY, YY, MEAN_X, MEAN_Y = range(8)
+COUNT, X, Y, XX, XY, YY, MEAN_X, MEAN_Y, RAY_X, RAY_Y = range(10)
 """Columns of `SurfelTable.moments`: how many points; sums of their coordinates and of products
-of these, from the centre of the cell (m, m^2); their mean in the map (m)."""
+of these, from the centre of the cell (m, m^2); their mean in the map (m); the sum of unit vectors
+to them from where they were seen, 0 if they may be seen from anywhere."""
 
-SURFEL_X, SURFEL_Y, INFORMATION_XX, INFORMATION_XY, INFORMATION_YY = range(5)
-"""Columns of `SurfelTable.surfels`: the mean in the map (m), and the information of a point at
-the surfel on where it is, a symmetric 2 x 2 matrix (m^-2)."""
+SURFEL_X, SURFEL_Y, INFORMATION_XX, INFORMATION_XY, INFORMATION_YY, NORMAL_X, NORMAL_Y = range(7)
+"""Columns of `SurfelTable.surfels`: the mean in the map (m); the information of a point at the
+surfel on where it is, a symmetric 2 x 2 matrix (m^-2); and a vector across the line, away from
+where its points were seen, 0 for what is seen from all sides."""
 
 STALE, NONE, FRESH = 0, 1, 2
 """States of a surfel: points came since it was made; there are too few points; as of now."""
@@ -49,8 +60,8 @@ class SurfelTable(NamedTuple):
 
     Attributes:
         grid: the cells with points in them.
-        moments: shape (slots, 8), see `COUNT`; row 0 is no cell, its mean is `NOWHERE`.
-        surfels: shape (slots, 5), see `SURFEL_X`; valid where the state is FRESH.
+        moments: shape (slots, 10), see `COUNT`; row 0 is no cell, its mean is `NOWHERE`.
+        surfels: shape (slots, 7), see `SURFEL_X`; valid where the state is FRESH.
         states: shape (slots,), int8.
         cell: metres along a side of a cell.
         thickness: metres; how well a point tells where a line is, at best.
@@ -65,7 +76,8 @@ class SurfelTable(NamedTuple):
 
 
 class Moments(NamedTuple):
-    """Of points: how many, and the sums of x, y, xx, xy, yy from the centre of a cell, metres."""
+    """Of points: how many, the sums of x, y, xx, xy, yy from the centre of a cell, metres, and that
+    of the rays to them."""
 
     n: float
     x: float
@@ -73,13 +85,22 @@ class Moments(NamedTuple):
     xx: float
     xy: float
     yy: float
+    ray_x: float
+    ray_y: float
 
 
 @kernel
 def add_points(
-    table: SurfelTable, used: Used, points: NDArray[np.float64], first: int
+    table: SurfelTable,
+    used: Used,
+    points: NDArray[np.float64],
+    rays: NDArray[np.float64],
+    first: int,
 ) -> tuple[int, Used]:
     """Add points of the map, shape (n, 2), from the first on, up to one that there is no room for.
+
+    Args:
+        rays: shape (n, 2), unit vectors to the points from where they were seen, or 0.
 
     Returns:
         The number of that one, or of all; and how many tiles and slots are used.
@@ -98,17 +119,19 @@ def add_points(
         moments[slot, XX] += x * x
         moments[slot, XY] += x * y
         moments[slot, YY] += y * y
+        moments[slot, RAY_X] += rays[p, 0]
+        moments[slot, RAY_Y] += rays[p, 1]
         moments[slot, MEAN_X] = centre_x + moments[slot, X] / moments[slot, COUNT]
         moments[slot, MEAN_Y] = centre_y + moments[slot, Y] / moments[slot, COUNT]
     return len(points), used
 
 
 @kernel
-def neighbourhood(table: SurfelTable, u: int, v: int) -> Moments:
-    """Moments of the points around a cell, from its centre: of the smallest square of cells, 3 x 3
-    at least, that has enough."""
+def neighbourhood(table: SurfelTable, u: int, v: int, ray: tuple[float, float]) -> Moments:
+    """Moments of the points around a cell, from its centre, that were seen from the side where a
+    ray comes from: of the smallest square of cells, 3 x 3 at least, that has enough."""
     cell, moments = table.cell, table.moments
-    n = sx = sy = sxx = sxy = syy = 0.0
+    n = sx = sy = sxx = sxy = syy = rx = ry = 0.0
     for reach in range(WIDEST_NEIGHBOURHOOD + 1):
         for dv in range(-reach, reach + 1):
             stride = 1 if abs(dv) == reach else 2 * reach
@@ -116,6 +139,8 @@ def neighbourhood(table: SurfelTable, u: int, v: int) -> Moments:
                 slot = slot_of(table.grid, u + du, v + dv)
                 if slot == 0:
                     continue
+                if moments[slot, RAY_X] * ray[0] + moments[slot, RAY_Y] * ray[1] < 0.0:
+                    continue  # the other side
                 # Sums from the neighbour's centre, moved to this cell's.
                 x, y = du * cell, dv * cell
                 m, mx, my = moments[slot, COUNT], moments[slot, X], moments[slot, Y]
@@ -125,9 +150,11 @@ def neighbourhood(table: SurfelTable, u: int, v: int) -> Moments:
                 sxx += moments[slot, XX] + 2 * x * mx + m * x * x
                 sxy += moments[slot, XY] + x * my + y * mx + m * x * y
                 syy += moments[slot, YY] + 2 * y * my + m * y * y
+                rx += moments[slot, RAY_X]
+                ry += moments[slot, RAY_Y]
         if reach > 0 and n >= FEWEST:
             break
-    return Moments(n, sx, sy, sxx, sxy, syy)
+    return Moments(n, sx, sy, sxx, sxy, syy, rx, ry)
 
 
 @kernel
@@ -158,19 +185,29 @@ def make_surfel(table: SurfelTable, slot: int, points: Moments, centre: tuple[fl
     surfels[slot, SURFEL_X], surfels[slot, SURFEL_Y] = centre[0] + x, centre[1] + y
     surfels[slot, INFORMATION_XX], surfels[slot, INFORMATION_XY] = mean + gap * cos2, gap * sin2
     surfels[slot, INFORMATION_YY] = mean - gap * cos2
+    # Twice the part of the rays that is across the line: what mirroring in it changes.
+    normal_x = points.ray_x - (cos2 * points.ray_x + sin2 * points.ray_y)
+    normal_y = points.ray_y - (sin2 * points.ray_x - cos2 * points.ray_y)
+    least = 2 * LEAST_ACROSS * n
+    is_sided = along == 0.0 and normal_x * normal_x + normal_y * normal_y > least * least
+    surfels[slot, NORMAL_X] = normal_x if is_sided else 0.0
+    surfels[slot, NORMAL_Y] = normal_y if is_sided else 0.0
     return FRESH
 
 
 @kernel
-def nearest_surfel(table: SurfelTable, x: float, y: float) -> int:
-    """The slot of the surfel whose points' mean is nearest to a point of the map, if any is near.
+def nearest_surfel(table: SurfelTable, x: float, y: float, ray_x: float, ray_y: float) -> int:
+    """The slot of the surfel whose points' mean is nearest to a point of the map, to which there
+    is a ray.
 
-    0 where there is none, or too few points to make one.
+    0 where none is near, there are too few points to make one, or these were seen from the other
+    side.
     """
-    best, states = nearest_cell(table, x, y), table.states
+    best, states, surfels = nearest_cell(table, x, y), table.states, table.surfels
     if best and states[best] == STALE:
         update_surfel(table, best)
-    return best if states[best] == FRESH else 0
+    same_side = surfels[best, NORMAL_X] * ray_x + surfels[best, NORMAL_Y] * ray_y >= 0.0
+    return best if states[best] == FRESH and same_side else 0
 
 
 @kernel
@@ -179,7 +216,8 @@ def update_surfel(table: SurfelTable, slot: int) -> None:
     moments, cell = table.moments, table.cell
     u, v = floor(moments[slot, MEAN_X] / cell), floor(moments[slot, MEAN_Y] / cell)
     centre = ((u + 0.5) * cell, (v + 0.5) * cell)
-    table.states[slot] = make_surfel(table, slot, neighbourhood(table, u, v), centre)
+    around = neighbourhood(table, u, v, (moments[slot, RAY_X], moments[slot, RAY_Y]))
+    table.states[slot] = make_surfel(table, slot, around, centre)
 
 
 @kernel

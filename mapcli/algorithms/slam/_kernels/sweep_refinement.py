@@ -135,7 +135,7 @@ def add_points(
         px, py = timed.points[p, 0], timed.points[p, 1]
         c, s = cos(theta), sin(theta)
         rx, ry = c * px - s * py, s * px + c * py
-        at = nearest_surfel(table, x + rx, y + ry)
+        at = nearest_surfel(table, x + rx, y + ry, rx, ry)
         if at == 0:
             continue
         ex, ey = surfels[at, SURFEL_X] - x - rx, surfels[at, SURFEL_Y] - y - ry
@@ -161,9 +161,9 @@ def points_on_walls(
     surfels, count = table.surfels, 0
     for p in range(len(points)):
         c, s = cos(seen_from[p, 2]), sin(seen_from[p, 2])
-        x = seen_from[p, 0] + c * points[p, 0] - s * points[p, 1]
-        y = seen_from[p, 1] + s * points[p, 0] + c * points[p, 1]
-        at = nearest_surfel(table, x, y)
+        rx, ry = c * points[p, 0] - s * points[p, 1], s * points[p, 0] + c * points[p, 1]
+        x, y = seen_from[p, 0] + rx, seen_from[p, 1] + ry
+        at = nearest_surfel(table, x, y, rx, ry)
         if at == 0:
             continue
         ex, ey = surfels[at, SURFEL_X] - x, surfels[at, SURFEL_Y] - y

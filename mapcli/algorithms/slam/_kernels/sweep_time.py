@@ -58,7 +58,7 @@ def add_scan(
     v_x, v_y = c * velocity[0] - s * velocity[1], s * velocity[0] + c * velocity[1]
     for p in range(len(points)):
         rx, ry = c * points[p, 0] - s * points[p, 1], s * points[p, 0] + c * points[p, 1]
-        at = nearest_surfel(table, pose[0] + rx, pose[1] + ry)
+        at = nearest_surfel(table, pose[0] + rx, pose[1] + ry, rx, ry)
         if at == 0:
             continue
         ex, ey = surfels[at, SURFEL_X] - pose[0] - rx, surfels[at, SURFEL_Y] - pose[1] - ry

@@ -27,7 +27,7 @@ def robust_cost(
     cost = 0.0
     for point, slot in zip(moved(points, pose), correspondences, strict=True):
         if slot > 0:
-            x, y, xx, xy, yy = surfels[slot]
+            x, y, xx, xy, yy = surfels[slot, :5]
             gap = np.array([x, y]) - point
             q = gap @ np.array([[xx, xy], [xy, yy]]) @ gap
             cost += SQUARED_SCALE * q / (SQUARED_SCALE + q)
@@ -82,7 +82,7 @@ def test_the_normal_matrix_as_its_twin(seed: int, bearing_variance: float) -> No
     expected = np.zeros((3, 3))
     for point, slot in zip(points, correspondences, strict=True):
         if slot > 0:
-            x, y, xx, xy, yy = surfels[slot]
+            x, y, xx, xy, yy = surfels[slot, :5]
             information = np.array([[xx, xy], [xy, yy]])
             rx, ry = moved(point[None], np.array([0, 0, pose[2]]))[0]
             gap = np.array([x - pose[0] - rx, y - pose[1] - ry])

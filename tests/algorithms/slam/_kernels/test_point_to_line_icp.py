@@ -28,7 +28,7 @@ def test_associate_is_nearest_surfel_of_each_point(seed: int) -> None:
     points, pose = scattered(seed + 1, 40, 0.7), Pose(0.1, -0.05, 2.5)
     correspondences = np.full(len(points), -9)
     matched = icp.associate(table, points, pose, correspondences)
-    expected = [nearest_surfel(table, x, y) for x, y in moved(points, pose)]
+    expected = [nearest_surfel(table, x, y, x - pose.x, y - pose.y) for x, y in moved(points, pose)]
     assert correspondences.tolist() == expected
     assert matched == sum(slot > 0 for slot in expected)
 

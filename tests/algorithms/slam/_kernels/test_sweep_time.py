@@ -37,11 +37,11 @@ def test_the_equations_are_those_of_every_point(seed: int) -> None:
     matrix, right, used = np.zeros((4, 4)), np.zeros(4), 0
     for point, share in zip(points, shares, strict=True):
         end = moved(point[None], pose)[0]
-        at = nearest_surfel(table, *end)
+        at = nearest_surfel(table, *end, *(end - pose[:2]))
         if at == 0:
             continue
         used += 1
-        x, y, xx, xy, yy = table.surfels[at]
+        x, y, xx, xy, yy = table.surfels[at, :5]
         information, residual = np.array([[xx, xy], [xy, yy]]), np.array([x, y]) - end
         weight = (SQUARED_SCALE / (SQUARED_SCALE + residual @ information @ residual)) ** 2
         steps = 1e-6 * np.eye(4)
