@@ -63,16 +63,19 @@ def test_a_room_fixes_a_pose() -> None:
     assert (deviations < [0.01, 0.01, 0.01]).all()  # 100 points a side, 15 mm each
 
 
-def test_what_is_behind_a_wall_draws_no_scan() -> None:
+@pytest.mark.parametrize("sides_are_known", [True, False])
+def test_what_is_behind_a_wall_draws_no_scan(sides_are_known: bool) -> None:
     # A corner whose walls are 10 cm thick and have been seen from behind as well, and its inside
-    # only in part: a line through both sides, or a point taken for one of the other side, would
-    # move the scan by a centimetre and more.
-    inside = np.concatenate([wall((1.08, 2.23), (3.08, 2.23)), wall((3.08, 0.23), (3.08, 2.23))])
+    # only in part: a line through both sides, or a point taken for one of the other side, moves a
+    # scan by centimetres.
+    top, right = wall((1.08, 2.23), (3.08, 2.23)), wall((3.08, 0.23), (3.08, 2.23))
     walls = SurfelMap(CELL)
-    walls.add(inside[::5], np.zeros(2))
-    walls.add(inside + 0.1, np.array([4.5, 4.0]))
-    fit = walls.fit(inside[::3], Pose2D(0.02, 0.02, 0.0))
-    assert fit.pose.distance(Pose2D()) < 0.003
+    for points, laser in ((top, (1.5, 0.5)), (right, (1.5, 0.5))):
+        walls.add(points[::5], np.array(laser) if sides_are_known else None)
+    for points, laser in ((top + (0.0, 0.1), (2.0, 4.0)), (right + (0.1, 0.0), (5.0, 1.0))):
+        walls.add(points, np.array(laser) if sides_are_known else None)
+    fit = walls.fit(np.concatenate([top, right])[::3], Pose2D(0.02, 0.02, 0.0))
+    assert (fit.pose.distance(Pose2D()) < 0.003) == sides_are_known
 
 
 def test_growing_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

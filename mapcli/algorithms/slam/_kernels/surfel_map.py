@@ -9,7 +9,7 @@ about how far along the robot is.
 A wall has two sides, a thickness apart that is seldom more than a few cells. Points that are seen
 from opposite sides are of different surfaces: one line through both would lie inside the wall, and
 draw the scans of each side towards those of the other, so that the whole map shrinks. So each cell
-keeps from where its points were seen and takes points from neighbours on its own side only, and a
+keeps from where its points were seen and takes no points from neighbours on the other side, and a
 surfel's normal looks along the rays (Rusu 2009), so that it is no correspondence of a point behind.
 
 Points and means are (x, y) in metres, in the map's frame.
@@ -35,6 +35,9 @@ WIDEST_NEIGHBOURHOOD = 5
 """Cells around a cell that may lend it their points when it has few."""
 FEWEST = 4
 """Points that make a surfel."""
+SQUARED_COSINE = 0.5 * 0.5
+"""Of 120 degrees: mean rays that are farther apart are to opposite sides of a wall. Those to the
+same side are as far apart only where it was seen from far ahead and from far behind alone."""
 LEAST_ACROSS = 0.2
 """Of unit rays, on the mean, that must be across a line for it to have a side: less is of a thing
 thinner than a cell, which was seen from both."""
@@ -127,9 +130,21 @@ def add_points(
 
 
 @kernel
+def are_opposite(x: float, y: float, other_x: float, other_y: float) -> bool:
+    """Whether two vectors are more than 120 degrees apart; not if one of them is 0."""
+    product = x * other_x + y * other_y
+    if product >= 0.0:
+        return False
+    squares = (x * x + y * y) * (other_x * other_x + other_y * other_y)
+    opposite: bool = product * product > SQUARED_COSINE * squares
+    return opposite
+
+
+@kernel
 def neighbourhood(table: SurfelTable, u: int, v: int, ray: tuple[float, float]) -> Moments:
-    """Moments of the points around a cell, from its centre, that were seen from the side where a
-    ray comes from: of the smallest square of cells, 3 x 3 at least, that has enough."""
+    """Moments of the points around a cell, from its centre, but for those that were seen from the
+    side opposite to where a ray comes from: of the smallest square of cells, 3 x 3 at least, that
+    has enough."""
     cell, moments = table.cell, table.moments
     n = sx = sy = sxx = sxy = syy = rx = ry = 0.0
     for reach in range(WIDEST_NEIGHBOURHOOD + 1):
@@ -139,8 +154,8 @@ def neighbourhood(table: SurfelTable, u: int, v: int, ray: tuple[float, float]) 
                 slot = slot_of(table.grid, u + du, v + dv)
                 if slot == 0:
                     continue
-                if moments[slot, RAY_X] * ray[0] + moments[slot, RAY_Y] * ray[1] < 0.0:
-                    continue  # the other side
+                if are_opposite(moments[slot, RAY_X], moments[slot, RAY_Y], ray[0], ray[1]):
+                    continue
                 # Sums from the neighbour's centre, moved to this cell's.
                 x, y = du * cell, dv * cell
                 m, mx, my = moments[slot, COUNT], moments[slot, X], moments[slot, Y]

@@ -96,16 +96,22 @@ def test_points_are_added_as_far_as_there_is_room() -> None:
 # --- surfels
 
 
+def are_opposite(one: Floats, other: Floats) -> bool:
+    """Whether two vectors are more than 120 degrees apart."""
+    cosine = one @ other / max(np.linalg.norm(one) * np.linalg.norm(other), 1e-12)
+    return bool(np.degrees(np.arccos(cosine.clip(-1, 1))) > 120)
+
+
 def slow_neighbourhood(cells: dict[Cell, list[Floats]], at: Cell) -> list[float]:
     """Moments of the smallest square around a cell, 3 x 3 at least, with enough points in cells
-    that were seen from its side, and the sum of their rays."""
+    that were not seen from the other side, and the sum of their rays."""
     ray = np.sum(cells[at], axis=0)[2:]
     for reach in range(1, kernels.WIDEST_NEIGHBOURHOOD + 1):
         inside = [
             point
             for (u, v), points in cells.items()
             if max(abs(u - at[0]), abs(v - at[1])) <= reach
-            and np.sum(points, axis=0)[2:] @ ray >= 0
+            and not are_opposite(np.sum(points, axis=0)[2:], ray)
             for point in points
         ]
         if len(inside) >= kernels.FEWEST:
