@@ -72,7 +72,8 @@ def test_what_is_behind_a_wall_draws_no_scan(sides_are_known: bool) -> None:
     walls = SurfelMap(CELL)
     for points, laser in ((top, (1.5, 0.5)), (right, (1.5, 0.5))):
         walls.add(points[::5], np.array(laser) if sides_are_known else None)
-    for points, laser in ((top + (0.0, 0.1), (2.0, 4.0)), (right + (0.1, 0.0), (5.0, 1.0))):
+    behind = Pose2D(0, 0.1).apply(top), Pose2D(0.1, 0).apply(right)
+    for points, laser in zip(behind, ((2.0, 4.0), (5.0, 1.0)), strict=True):
         walls.add(points, np.array(laser) if sides_are_known else None)
     fit = walls.fit(np.concatenate([top, right])[::3], Pose2D(0.02, 0.02, 0.0))
     assert (fit.pose.distance(Pose2D()) < 0.003) == sides_are_known
