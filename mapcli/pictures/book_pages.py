@@ -15,7 +15,7 @@ STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper);
   max-width: 70rem; margin: 1rem auto; padding: 0 1rem }
 section { display: none }
-section.shown { display: block }
+section.shown { display: block; scroll-margin-top: 4rem }
 nav { position: sticky; top: 0; background: var(--paper); padding: .5rem 0;
   border-bottom: 1px solid var(--line) }
 button { font: inherit; padding: .2rem .9rem }
