@@ -3,16 +3,45 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from mapcli.algorithms.evaluation.trajectory_error import EvaluateParameters
 from mapcli.model.counting import counted
-from mapcli.model.evaluation import STATISTICS, Errors, Evaluation, statistics
+from mapcli.model.evaluation import STATISTICS, Errors, Evaluation, Kind, statistics
 from mapcli.model.trajectory import Trajectory
 
 TITLES = {"ate": "ATE", "rpe": "RPE", "relations": "relations", "self_check": "self-check"}
+
+PAIRWISE: dict[Kind, str] = {"relations": "relations", "self-check": "self_check"}
+
+THINGS: dict[Kind, str] = {
+    "trajectory": "poses",
+    "relations": "relations",
+    "self-check": "pairs of scans",
+}
+
+COLUMNS: dict[Kind, tuple[tuple[str, str, int], ...]] = {
+    "trajectory": (
+        ("ATE rmse", "ate_rmse", 4),
+        ("mean", "ate_mean", 4),
+        ("max", "ate_max", 4),
+        ("ATE rmse", "ate_rot_rmse", 3),
+        ("RPE rmse", "rpe_rmse", 4),
+        ("RPE rmse", "rpe_rot_rmse", 3),
+    ),
+    **{
+        kind: (
+            ("mean", f"{measure}_mean", 4),
+            ("std", f"{measure}_std", 4),
+            ("mean", f"{measure}_rot_mean", 3),
+            ("std", f"{measure}_rot_std", 3),
+        )
+        for kind, measure in PAIRWISE.items()
+    },
+}
+"""Of the table of several traces: title, field of the summary, decimals."""
 
 WORST = 3
 """Relations named one by one."""
@@ -33,9 +62,7 @@ def report_lines(
     head = [("trace", f"{trace}: {described(evaluation.trace)}"), ("against", against)]
     head.append(("compared", _compared(evaluation)))
     if evaluation.reference is not None:
-        pose = evaluation.aligned
-        x, y, turn = (round(v, 3) + 0.0 for v in (pose.x, pose.y, math.degrees(pose.theta)))
-        head.append(("aligned", f"by x {x:.3f} m, y {y:.3f} m, turn {turn:.2f} deg"))
+        head.append(("aligned", _aligned(evaluation)))
     lines = [f"{name:>11}  {text}" for name, text in head]
     lines += ["", " " * 33 + "".join(f"{name:>10}" for name in STATISTICS)]
     for measure, errors in evaluation.errors.items():
@@ -45,9 +72,47 @@ def report_lines(
     return lines
 
 
+def table_lines(
+    evaluations: Sequence[tuple[str, Evaluation]],
+    against: str,
+    parameters: EvaluateParameters,
+    *,
+    common_frame: bool,
+) -> list[str]:
+    """The report on several traces, by their names: a line for each."""
+    first = evaluations[0][1]
+    how = "; ".join(dict.fromkeys(evaluation.association for _, evaluation in evaluations))
+    head = [("against", against), ("compared", f"{THINGS[first.kind]}, {how}")]
+    if first.reference is not None:
+        head.append(("aligned", f"all {_aligned(first)}" if common_frame else "each by itself"))
+        head.append(("RPE", _title("rpe", parameters).removeprefix("RPE ")))
+    columns = COLUMNS[first.kind]
+    rows = [
+        ["", *(title for title, _, _ in columns)],
+        ["compared", *("deg" if "_rot_" in field else "m" for _, field, _ in columns)],
+    ]
+    for _, evaluation in evaluations:
+        numbers = evaluation.numbers()
+        errors = [f"{numbers[field]:.{decimals}f}" for _, field, decimals in columns]
+        rows.append([f"{evaluation.matched:,} of {evaluation.total:,}", *errors])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    table = ["  ".join(map(str.rjust, row, widths)) for row in rows]
+    names = ["", "  trace", *(f"  {name}" for name, _ in evaluations)]  # of any length, so last
+    return [
+        *(f"{name:>11}  {text}" for name, text in head),
+        "",
+        *(f"{line}{name}" for line, name in zip(table, names, strict=True)),
+    ]
+
+
+def _aligned(evaluation: Evaluation) -> str:
+    pose = evaluation.aligned
+    x, y, turn = (round(v, 3) + 0.0 for v in (pose.x, pose.y, math.degrees(pose.theta)))
+    return f"by x {x:.3f} m, y {y:.3f} m, turn {turn:.2f} deg"
+
+
 def _compared(evaluation: Evaluation) -> str:
-    things = {"trajectory": "poses", "relations": "relations", "self-check": "pairs of scans"}
-    text = f"{evaluation.matched:,} of {evaluation.total:,} {things[evaluation.kind]}"
+    text = f"{evaluation.matched:,} of {evaluation.total:,} {THINGS[evaluation.kind]}"
     if evaluation.overlap_s is not None:
         return f"{text}, {evaluation.association}; {evaluation.overlap_s:,.1f} s in common"
     return f"{text}; {evaluation.association}"

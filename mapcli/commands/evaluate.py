@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import click
 
 from mapcli.algorithms.evaluation.trajectory_error import EvaluateParameters
-from mapcli.commands._evaluate_report import report_lines
+from mapcli.commands._evaluate_report import report_lines, table_lines
 from mapcli.commands._evaluate_run import EvaluateRun, Files
 from mapcli.commands._limit_option import limit_option
 from mapcli.commands._log_options import LogInput, log_input_options
@@ -29,6 +28,7 @@ from mapcli.model.evaluation import (
     COUNTS,
     LIMIT_FIELDS,
     STATISTICS,
+    Evaluation,
     names_of_limits,
 )
 from mapcli.model.limit import Limit
@@ -61,10 +61,14 @@ class DeltaType(click.ParamType[Any]):
 
 
 @click.command(short_help="Say how far a pose trace is from the truth, or from itself.")
-@click.argument("trace", metavar="TRACE", type=FILE)
-@click.argument("reference", metavar="[REFERENCE]", type=FILE, required=False)
-@click.option("--self-check", metavar="LOG", type=FILE, help="Instead of a REFERENCE: align scans "
-              "of places that the robot came back to, one against the other.")  # fmt: skip
+@click.argument("names", metavar="TRACE... [REFERENCE]", type=FILE, nargs=-1, required=True)
+@click.option("--self-check", metavar="LOG", type=FILE, multiple=True, help="Instead of a "
+              "REFERENCE: align scans of places that the robot came back to, one against the "
+              "other. Repeatable: of one TRACE, the parts of its recording; of several TRACEs in "
+              "one frame, a LOG each in the same order, whose scans are aligned with each "
+              "other's too.")  # fmt: skip
+@click.option("--common-frame", is_flag=True, help="Align several TRACEs by one motion, since "
+              "they share a frame, as of slam-replay --sessions.")  # fmt: skip
 @click.option("--odometry", metavar="LOG", type=FILE, help="With relations: carry poses on from "
               "scan to scan by the odometry of this log, instead of interpolating.")  # fmt: skip
 @click.option("--max-diff", type=NOT_NEGATIVE, default=DEFAULTS.max_diff_s, show_default=True,
@@ -77,18 +81,25 @@ class DeltaType(click.ParamType[Any]):
               "motions over N poses (f) or over N metres of the path (m).")  # fmt: skip
 @click.option("--topic", metavar="TOPIC", help="Where the poses of an MCAP REFERENCE are, if "
               "there are several.")  # fmt: skip
-@click.option("--json", "json_file", metavar="F", type=FILE,
-              help="Everything as JSON; - is standard output.")  # fmt: skip
-@click.option("--png", metavar="F", type=FILE, help="Both paths, and the errors over time.")
+@click.option(
+    "--json",
+    "json_file",
+    metavar="F",
+    type=FILE,
+    help="Everything as JSON, of several TRACEs a list; - is standard output.",
+)
+@click.option("--png", metavar="F", type=FILE, help="All paths, and the errors over time.")
+@click.option("--csv", "csv_file", metavar="F", type=FILE,
+              help="A line for each TRACE, with all fields of --fail-if.")  # fmt: skip
 @limit_option(LIMIT_FIELDS, "ate_rmse>0.2", LISTED_FIELDS)
 @log_input_options
 @no_clobber_option
 @common_options
 def command(
-    trace: str, reference: str | None, self_check: str | None, odometry: str | None,
+    names: tuple[str, ...], self_check: tuple[str, ...], common_frame: bool, odometry: str | None,
     max_diff: float, interpolate: float | None, delta: tuple[float, str], topic: str | None,
-    json_file: str | None, png: str | None, limits: tuple[Limit, ...], log_input: LogInput,
-    no_clobber: bool, quiet: bool, verbose: bool,
+    json_file: str | None, png: str | None, csv_file: str | None, limits: tuple[Limit, ...],
+    log_input: LogInput, no_clobber: bool, quiet: bool, verbose: bool,
 ) -> None:  # fmt: skip
     """Say how far a pose trace is from the truth, or from itself.
 
@@ -97,7 +108,8 @@ def command(
     alignment in the plane is taken; ATE is then the distance of poses at the same moment, RPE
     the difference of motions over --delta. A REFERENCE that ends in .relations (or
     .relations.gz) holds relations as of Kuemmerle et al. 2009. --self-check is for logs without
-    any truth; the log options below are about its log, or that of --odometry.
+    any truth; the log options below are about its log, or that of --odometry. Several TRACEs
+    against one REFERENCE make a table with a line for each.
 
     \b
     Examples:
@@ -105,30 +117,58 @@ def command(
       mapcli evaluate trace.tum truth.tum --delta 5m --fail-if 'ate_rmse>0.2'
       mapcli evaluate trace.json intel.relations.gz --odometry intel.log.gz
       mapcli evaluate trace.json --self-check robot.mcap
+      mapcli evaluate trace.json trace.tum truth.tum --csv table.csv --png errors.png
     """
-    files = Files(trace, reference, self_check, odometry)
+    traces, reference = (names, None) if self_check else (names[:-1], names[-1])
+    files = Files(traces, reference, self_check, odometry, common_frame)
     _check_usage(files, limits)
-    outputs = [name for name in (json_file, png) if name is not None]
+    outputs = [name for name in (json_file, png, csv_file) if name is not None]
     check_outputs(outputs, log_input.inputs(files.inputs()), "files", no_clobber=no_clobber)
     parameters = EvaluateParameters(max_diff, interpolate, *delta)
     run = EvaluateRun(files, log_input, parameters, topic, quiet=quiet, verbose=verbose)
-    evaluation = run.evaluate()
+    evaluations = run.evaluate()
+    named = list(zip(files.labels(), evaluations, strict=True))
     if not quiet:
-        lines = report_lines(evaluation, files.trace, run.against, parameters)
+        if len(named) == 1:
+            lines = report_lines(evaluations[0], files.traces[0], run.against, parameters)
+        else:
+            lines = table_lines(named, run.against, parameters, common_frame=common_frame)
         say_lines(lines, err="-" in outputs)
     with output_set(no_clobber=no_clobber) as results:
         if json_file is not None:
-            from mapcli.formats.documents.evaluation import evaluation_document
-            from mapcli.formats.documents.json_document import json_bytes
+            results.write(json_file, _json(run, evaluations))
+        if csv_file is not None:
+            from mapcli.formats.documents.evaluation import evaluations_csv
 
-            content = evaluation_document(evaluation, run.digests, run.effective_parameters())
-            results.write(json_file, json_bytes(content))
+            results.write(csv_file, evaluations_csv(named))
         if png is not None:
-            from mapcli.pictures.evaluation import evaluation_picture
+            results.write(png, _picture(named))
+    for name, evaluation in named:
+        for limit in limits:
+            limit.check(evaluation.numbers(), name)
 
-            results.write(png, evaluation_picture(evaluation))
-    for limit in limits:
-        limit.check(evaluation.numbers(), Path(files.trace).name)
+
+def _json(run: EvaluateRun, evaluations: Sequence[Evaluation]) -> bytes:
+    """The document, of several traces a list of them."""
+    from mapcli.formats.documents.evaluation import evaluation_document
+    from mapcli.formats.documents.json_document import json_bytes
+
+    parameters = run.effective_parameters()
+    documents = [
+        evaluation_document(evaluation, run.inputs_of(number), parameters)
+        for number, evaluation in enumerate(evaluations)
+    ]
+    return json_bytes(documents if len(documents) > 1 else documents[0])
+
+
+def _picture(evaluations: Sequence[tuple[str, Evaluation]]) -> bytes:
+    if len(evaluations) == 1:
+        from mapcli.pictures.evaluation import evaluation_picture
+
+        return evaluation_picture(evaluations[0][1])
+    from mapcli.pictures.several_evaluations import several_evaluations_picture
+
+    return several_evaluations_picture(evaluations)
 
 
 def _check_usage(files: Files, limits: Iterable[Limit]) -> None:
@@ -137,8 +177,13 @@ def _check_usage(files: Files, limits: Iterable[Limit]) -> None:
     Raises:
         click.UsageError: naming it.
     """
-    if (files.reference is None) == (files.self_check is None):
-        raise click.UsageError("Give either a REFERENCE or --self-check LOG.")
+    several = len(files.traces) > 1
+    if not files.traces or (several and len(files.self_check) not in (0, len(files.traces))):
+        raise click.UsageError(
+            "Give either a REFERENCE or --self-check LOG; of several TRACEs, one LOG each."
+        )
+    if files.common_frame and files.kind != "trajectory":
+        raise click.UsageError("--common-frame is for a REFERENCE that is a trajectory.")
     if files.odometry is not None and files.kind != "relations":
         raise click.UsageError("--odometry is for a REFERENCE that ends in .relations.")
     known = names_of_limits(files.kind)

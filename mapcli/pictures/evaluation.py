@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,11 +44,12 @@ def evaluation_picture(evaluation: Evaluation) -> bytes:
     """
     measure = next(iter(evaluation.errors))
     errors = evaluation.errors[measure]
-    frame = _Frame.around(evaluation)
+    paths = filter(None, (evaluation.trace, evaluation.reference))
+    frame = Frame.around([path.poses for path in paths])
     height = frame.bottom + 2 * (GAP + STRIP) + FOOT
     image = Image.new("RGB", (WIDTH, height), WHITE)
     image = _draw_paths(image, frame, evaluation, errors)
-    _draw_scale(image, frame)
+    draw_scale(image, frame)
     _draw_key(image, evaluation, errors)
     top = frame.bottom + GAP
     along = "s since the first pose" if evaluation.trace.stamps_ns is not None else "pose"
@@ -61,7 +63,7 @@ def evaluation_picture(evaluation: Evaluation) -> bytes:
 
 
 @dataclass(frozen=True)
-class _Frame:
+class Frame:
     """Where metres fall on the picture.
 
     Attributes:
@@ -74,12 +76,9 @@ class _Frame:
     bottom: int
 
     @classmethod
-    def around(cls, evaluation: Evaluation) -> _Frame:
-        """Around both paths, as large as fits."""
-        places = [evaluation.trace.poses[:, :2]]
-        if evaluation.reference is not None:
-            places.append(evaluation.reference.poses[:, :2])
-        points = np.concatenate(places)
+    def around(cls, paths: Sequence[Poses]) -> Frame:
+        """Around all paths, as large as fits."""
+        points = np.concatenate(paths)[:, :2]
         low, high = points.min(axis=0), points.max(axis=0)
         size = np.maximum(high - low, 1e-3 * max(*(high - low), 1.0))
         width = RIGHT - LEFT
@@ -95,7 +94,7 @@ class _Frame:
 
 
 def _draw_paths(
-    image: Image.Image, frame: _Frame, evaluation: Evaluation, errors: Errors
+    image: Image.Image, frame: Frame, evaluation: Evaluation, errors: Errors
 ) -> Image.Image:
     pixels = np.array(image)
     trace = frame.pixels(evaluation.trace.poses)
@@ -127,7 +126,8 @@ def _error_colours(metres: NDArray[np.float64]) -> NDArray[np.float64]:
     return time_colours(low + (high - low) * metres / most)
 
 
-def _draw_scale(image: Image.Image, frame: _Frame) -> None:
+def draw_scale(image: Image.Image, frame: Frame) -> None:
+    """How long a round number of metres is, below the paths."""
     metres = round_length(0.2 * (RIGHT - LEFT) / frame.scale)
     y, x = frame.bottom - 4, RIGHT - metres * frame.scale
     ImageDraw.Draw(image).line((x, y, RIGHT, y), fill=INK, width=3)
@@ -161,7 +161,7 @@ def _draw_strip(
     points = np.column_stack(
         [LEFT + seconds / last * (RIGHT - LEFT), top + STRIP - values / most * STRIP]
     )
-    _draw_axes(image, top, last, most)
+    draw_axes(image, top, last, most)
     level = top + STRIP - found["rmse"] / most * STRIP
     canvas = ImageDraw.Draw(image)
     for x in range(LEFT, RIGHT, 14):
@@ -179,7 +179,8 @@ def _draw_strip(
     return image
 
 
-def _draw_axes(image: Image.Image, top: int, last: float, most: float) -> None:
+def draw_axes(image: Image.Image, top: int, last: float, most: float) -> None:
+    """The axes of a strip: over time up to `last`, up to `most` of an error."""
     canvas, bottom = ImageDraw.Draw(image), top + STRIP
     step = round_length(most / 2)
     for k in range(int(most / step + 1e-9) + 1):

@@ -13,7 +13,7 @@ from conftest import FIXTURES, run
 from PIL import Image
 
 from mapcli.cli import main
-from mapcli.pictures.drawing import WHITE
+from mapcli.pictures.drawing import WHITE, time_colour
 
 CORRIDOR = str(FIXTURES / "corridor.mcap")
 
@@ -114,6 +114,119 @@ def test_documents_of_other_kinds() -> None:
     assert [row["index"] for row in rows] == [0, 1, 2]
 
 
+@pytest.fixture
+def _sides() -> None:
+    """Two straight traces, a metre to the left of the truth and three to the right, which
+    turns by 10 degrees at its end."""
+    Path("line.txt").write_text("0 0 0 0\n1 1 0 0\n2 2 0 0\n")
+    Path("left.txt").write_text("0 0 1 0\n1 1 1 0\n2 2 1 0\n")
+    Path("right.txt").write_text("0 0 -3 0\n1 1 -3 0\n2 2 -3 0.17453293\n")
+
+
+@pytest.mark.usefixtures("_sides")
+def test_several_traces_literally(capsys: pytest.CaptureFixture[str]) -> None:
+    assert evaluate("left.txt", "right.txt", "line.txt") == 0
+    assert capsys.readouterr().out == TABLE
+    assert evaluate("left.txt", "right.txt", "line.txt", "--common-frame") == 0
+    assert capsys.readouterr().out == TABLE_IN_ONE_FRAME
+    assert evaluate("off.txt", "truth.txt", "a.relations") == 0
+    assert capsys.readouterr().out == TABLE_ON_RELATIONS
+
+
+TABLE = """\
+    against  line.txt: 3 poses, 2.0 s
+   compared  poses, by stamps at most 0.01 s apart
+    aligned  each by itself
+        RPE  over 1 pose
+
+          ATE rmse    mean     max  ATE rmse  RPE rmse  RPE rmse
+compared         m       m       m       deg         m       deg  trace
+  3 of 3    0.0000  0.0000  0.0000     0.000    0.0000     0.000  left.txt
+  3 of 3    0.0000  0.0000  0.0000     5.774    0.0000     7.071  right.txt
+"""
+TABLE_IN_ONE_FRAME = """\
+    against  line.txt: 3 poses, 2.0 s
+   compared  poses, by stamps at most 0.01 s apart
+    aligned  all by x 0.000 m, y 1.000 m, turn 0.00 deg
+        RPE  over 1 pose
+
+          ATE rmse    mean     max  ATE rmse  RPE rmse  RPE rmse
+compared         m       m       m       deg         m       deg  trace
+  3 of 3    2.0000  2.0000  2.0000     0.000    0.0000     0.000  left.txt
+  3 of 3    2.0000  2.0000  2.0000     5.774    0.0000     7.071  right.txt
+"""
+TABLE_ON_RELATIONS = """\
+    against  a.relations: 3 relations
+   compared  relations, between the trace's poses: interpolated
+
+            mean     std   mean    std
+compared       m       m    deg    deg  trace
+  3 of 3  0.3925  0.3174  6.910  6.180  off.txt
+  2 of 3  0.0000  0.0000  0.000  0.000  truth.txt
+"""
+
+
+@pytest.mark.usefixtures("_sides")
+def test_files_of_several_traces(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("-q", "left.txt", "right.txt", "line.txt")
+    files = ("--json", "e.json", "--csv", "e.csv", "--png", "e.png")
+    assert evaluate(*words, "--common-frame", *files) == 0
+    documents = json.loads(Path("e.json").read_text())
+    assert [found["summary"]["ate_rmse"] for found in documents] == [2, 2]
+    assert [found["aligned"]["y"] for found in documents] == [1, 1]
+    assert documents[0]["parameters"]["common_frame"] is True
+    assert [e["file"] for e in documents[0]["input"]] == ["left.txt", "right.txt", "line.txt"]
+    head, *rows = (line.split(",") for line in Path("e.csv").read_text().splitlines())
+    for row, found in zip(rows, documents, strict=True):
+        values = dict(zip(head, row, strict=True))
+        assert values.pop("trace") == found["input"][documents.index(found)]["file"]
+        assert {name: float(value) for name, value in values.items()} == found["summary"]
+    assert Path("e.png").stat().st_size > 1000
+    assert evaluate(*words, "--json", "e.json") == 0
+    alone = json.loads(Path("e.json").read_text())
+    assert [e["file"] for e in alone[1]["input"]] == ["right.txt", "line.txt"]
+    assert alone[0] == document("left.txt", "line.txt")
+    assert evaluate(*words, "--fail-if", "ate_rot_max>5") == 3
+    assert capsys.readouterr().err.startswith("Error: right.txt: ate_rot_max is 10; expected not")
+    assert evaluate("-q", "left.txt", "--csv", "one.csv", "line.txt") == 0
+    assert Path("one.csv").read_text().count("\n") == 2
+    Path("late.txt").write_text("1000 0 0 0\n1001 0 0 0\n")
+    assert evaluate(*words[:2], "late.txt", "line.txt", *files) == 1
+    assert capsys.readouterr().err.startswith("Error: late.txt: 0 poses matched")
+
+
+@pytest.mark.usefixtures("_sides")
+def test_traces_of_one_name_are_told_apart_by_their_folders() -> None:
+    names = []
+    for folder in ("a", "b"):
+        Path(folder).mkdir()
+        names.append(f"{folder}/left.txt")
+        Path(names[-1]).write_text(Path("left.txt").read_text())
+    assert evaluate("-q", *names, "line.txt", "--csv", "e.csv") == 0
+    rows = Path("e.csv").read_text().splitlines()[1:]
+    assert [row.split(",")[0] for row in rows] == names
+
+
+def test_the_picture_shows_a_colour_for_each_trace() -> None:
+    one, two = picture("off.txt", "truth.txt"), picture("off.txt", "found.txt", "truth.txt")
+    assert two.shape[1] == one.shape[1] == 1200
+    for age in (0.0, 1.0):
+        assert (two == time_colour(age)).all(axis=2).sum() > 500
+    relations = picture("off.txt", "off.txt", "a.relations")
+    assert (relations == time_colour(1.0)).all(axis=2).sum() > 100
+
+
+@pytest.mark.slow
+def test_the_self_check_of_a_recording_in_parts() -> None:
+    log = str(FIXTURES / "apartment.mcap")
+    for name, *part in (("a.mcap", "--end", "50.1"), ("b.mcap", "--start", "50.1")):
+        assert run("import", "-q", log, name, *part) == 0
+    whole = document(log, "--self-check", log)
+    parts = document(log, "--self-check", "a.mcap", "--self-check", "b.mcap")
+    assert parts["summary"] == whole["summary"]
+    assert [entry["file"] for entry in parts["input"]] == ["apartment.mcap", "a.mcap", "b.mcap"]
+
+
 def test_text_gives_way_to_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert evaluate("found.txt", "truth.txt", "--json", "-") == 0
     said = capsys.readouterr()
@@ -200,8 +313,13 @@ def test_odometry_between_scans(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        ("found.txt", "Give either a REFERENCE or --self-check LOG."),
-        ("found.txt truth.txt --self-check a.mcap", "Give either a REFERENCE or --self-check LOG."),
+        ("found.txt", "Give either a REFERENCE or --self-check LOG; of several"),
+        (
+            "found.txt truth.txt --self-check a.mcap",
+            "Give either a REFERENCE or --self-check LOG; of several",
+        ),
+        ("a.txt b.txt c.txt --self-check a.mcap --self-check b.mcap", "of several TRACEs, one LOG"),
+        ("found.txt a.relations --common-frame", "--common-frame is for a REFERENCE that is a"),
         ("found.txt truth.txt --odometry a.mcap", "--odometry is for a REFERENCE that ends in"),
         ("- -", "Two inputs cannot both be standard input."),
         ("found.txt truth.txt --delta 0", "'0' is not of the form 10f (poses) or 2m (metres)."),

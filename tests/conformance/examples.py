@@ -50,6 +50,7 @@ EXAMPLES = {
         "<trace.json <truth.tum --json >e.json --png >p.png",
         "<trace.json <pairs.relations --odometry <log.mcap --json >e.json",
         "<round.tum --self-check <round.mcap --json >e.json",
+        "<trace.json <other.csv <truth.tum --common-frame --json >e.json --png >p.png --csv >t.csv",
         "<trace.json <pairs.relations --odometry <robot.csv --sensors <sensors.yaml --json >e.json",
     ),
     "import": ("<log.mcap <more.mcap >o.mcap", "<carmen.log >o.mcap",

@@ -64,6 +64,7 @@ def make_kit(folder: Path) -> None:
         f"import {FIXTURES}/corridor.mcap {f}/more.mcap --start 1 --end 1.5",
         f"slam-replay {f}/log.mcap --json {f}/trace.json --trace {f}/truth.tum "
         f"--save-state {f}/state.mcap",
+        f"convert {f}/trace.json {f}/other.csv",
         f"simulate {f}/world.yaml {f}/round.mcap --path {f}/there-and-back.txt --speed 2 "
         "--beams 90 --scan-rate 4",
         f"slam-replay {f}/round.mcap --trace {f}/round.tum --search none",

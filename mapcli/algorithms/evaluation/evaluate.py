@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from mapcli.algorithms.evaluation.relations import evaluate_relations
 from mapcli.algorithms.evaluation.trajectory_error import EvaluateParameters, evaluate_trajectory
 from mapcli.model.evaluation import Evaluation
+from mapcli.model.pose import Pose2D
 from mapcli.model.scan import Record
 from mapcli.model.trajectory import Relations, Trajectory
 
@@ -19,6 +20,7 @@ def evaluate(
     parameters: EvaluateParameters | None = None,
     *,
     odometry: Trajectory | None = None,
+    alignment: Pose2D | None = None,
 ) -> Evaluation:
     """The errors of a trajectory, by what it is held against.
 
@@ -29,12 +31,13 @@ def evaluate(
             (`self_check`).
         parameters: association and RPE distance, against a trajectory.
         odometry: against relations, it carries poses on between those of the trajectory.
+        alignment: against a trajectory, the motion to align by; by default the best one.
 
     Raises:
         DataError: nothing can be compared; it says what would be needed.
     """
     if isinstance(reference, Trajectory):
-        return evaluate_trajectory(trajectory, reference, parameters)
+        return evaluate_trajectory(trajectory, reference, parameters, alignment)
     if isinstance(reference, Relations):
         return evaluate_relations(trajectory, reference, odometry)
     from mapcli.algorithms.evaluation.self_check import self_check

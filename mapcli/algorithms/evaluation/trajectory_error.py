@@ -8,6 +8,7 @@ that numbers can be compared.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -65,9 +66,16 @@ class Association(NamedTuple):
 
 
 def evaluate_trajectory(
-    trace: Trajectory, reference: Trajectory, parameters: EvaluateParameters | None = None
+    trace: Trajectory,
+    reference: Trajectory,
+    parameters: EvaluateParameters | None = None,
+    alignment: Pose2D | None = None,
 ) -> Evaluation:
     """ATE after the best rigid alignment in the plane, without scaling; and RPE.
+
+    Args:
+        alignment: the motion to align the trace by, where it is not to be its own best one
+            (`common_alignment`).
 
     Raises:
         DataError: fewer than two poses can be compared, or no two that are `delta` apart.
@@ -75,7 +83,7 @@ def evaluate_trajectory(
     parameters = parameters or EvaluateParameters()
     truth, mine, total, method = associate(trace, reference, parameters)
     found = trace.poses[mine]
-    motion = rigid_alignment(found[:, :2], truth[:, :2])
+    motion = alignment or rigid_alignment(found[:, :2], truth[:, :2])
     aligned, seconds = moved(found, motion), trace.seconds()[mine]
     first, second = rpe_pairs(found, parameters)
     rpe = Errors.of(
@@ -93,6 +101,18 @@ def evaluate_trajectory(
         aligned=motion,
         overlap_s=_overlap_s(trace, reference),
     )
+
+
+def common_alignment(traces: Sequence[Trajectory], associations: Sequence[Association]) -> Pose2D:
+    """The best rigid motion of all traces at once: of those that share a frame.
+
+    Args:
+        associations: of each trace with the reference, at least one.
+    """
+    pairs = zip(traces, associations, strict=True)
+    found = np.concatenate([trace.poses[associated.mine, :2] for trace, associated in pairs])
+    truth = np.concatenate([associated.truth[:, :2] for associated in associations])
+    return rigid_alignment(found, truth)
 
 
 def associate(

@@ -1,8 +1,10 @@
-"""Evaluations as JSON documents (`mapcli.evaluation`)."""
+"""Evaluations as JSON documents (`mapcli.evaluation`), and as a table in CSV."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import csv
+import io
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mapcli.formats.documents.json_document import document
@@ -36,6 +38,20 @@ def evaluation_document(
         "errors": _errors(evaluation),
     }
     return document(EVALUATION, inputs, parameters, content)
+
+
+def evaluations_csv(evaluations: Sequence[tuple[str, Evaluation]]) -> bytes:
+    """A line for each trace, by its name: the fields of `summary`.
+
+    Args:
+        evaluations: against one reference, at least one.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["trace", *evaluations[0][1].numbers()])
+    for name, evaluation in evaluations:
+        writer.writerow([name, *(f"{round(x, 6):.10g}" for x in evaluation.numbers().values())])
+    return text.getvalue().encode(errors="surrogateescape")
 
 
 def _errors(evaluation: Evaluation) -> list[dict[str, Any]]:

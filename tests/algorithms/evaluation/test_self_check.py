@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 from conftest import FIXTURES
 
+from mapcli.algorithms.evaluation.revisited_places import revisited_pairs
+from mapcli.algorithms.evaluation.scan_alignment import align_scans, densified
 from mapcli.algorithms.evaluation.self_check import (
-    SelfCheckParameters,
-    align_scans,
-    densified,
-    revisited_pairs,
+    MeasuredPairs,
+    RecordedTrace,
     self_check,
+    self_checks,
 )
+from mapcli.algorithms.evaluation.self_check_parameters import SelfCheckParameters
 from mapcli.algorithms.scans.perception import PerceptionParameters, perceive
 from mapcli.errors import DataError
 from mapcli.formats.documents.load_trajectory import load_trajectory
@@ -46,22 +48,22 @@ def test_pairs_are_near_in_space_and_far_apart_along_the_path() -> None:
     heading = [0.0] * 11 + [math.pi] * 11
     poses = np.column_stack([x, np.zeros(22), heading])
     trace = Trajectory(poses, np.arange(22) * 10**9)
-    pairs = revisited_pairs(trace, replace(DEFAULTS, near_m=0.5, apart_m=12.0))
-    assert pairs == [(k, 21 - k) for k in (4, 3, 2, 1, 0)]
-    assert len(revisited_pairs(trace, replace(DEFAULTS, near_m=0.5, apart_m=12.0, most=2))) == 2
+    pairs = revisited_pairs([trace], replace(DEFAULTS, near_m=0.5, apart_m=12.0))
+    assert pairs == [((0, k), (0, 21 - k)) for k in (4, 3, 2, 1, 0)]
+    assert len(revisited_pairs([trace], replace(DEFAULTS, near_m=0.5, apart_m=12.0, most=2))) == 2
     with pytest.raises(DataError, match="the trace has no times"):
-        revisited_pairs(Trajectory(poses), DEFAULTS)
+        self_check(Trajectory(poses), [])
 
 
 def test_scans_of_one_stamp_cannot_be_told_apart() -> None:
     poses = np.zeros((4, 3))
     poses[:, 0] = (0, 20, 0, 0)
     times = np.array([0, 1, 2, 3]) * 10**9
-    assert revisited_pairs(Trajectory(poses, times), DEFAULTS) == [
-        (0, 2),
-        (0, 3),
+    assert revisited_pairs([Trajectory(poses, times)], DEFAULTS) == [
+        ((0, 0), (0, 2)),
+        ((0, 0), (0, 3)),
     ]
-    assert revisited_pairs(Trajectory(poses, np.array([0, 1, 2, 2]) * 10**9), DEFAULTS) == []
+    assert revisited_pairs([Trajectory(poses, np.array([0, 1, 2, 2]) * 10**9)], DEFAULTS) == []
 
 
 def test_scans_are_aligned_wherever_the_search_begins(
@@ -141,3 +143,58 @@ def test_what_cannot_be_checked(records: list[Record], truth: Trajectory) -> Non
     ]
     with pytest.raises(DataError, match=r"none of the \d+ pairs of scans .* can be aligned"):
         self_check(truth, blind)
+
+
+def test_pairs_of_two_traces_in_the_order_of_their_stamps() -> None:
+    """The same four metres twice: each pose of the later drive is a pair with that of the earlier,
+    though neither drove far."""
+    poses = np.column_stack([np.arange(5), np.zeros(5), np.zeros(5)]).astype(float)
+    monday, tuesday = (Trajectory(poses, (np.arange(5) + t) * 10**9) for t in (0, 100))
+    near = replace(DEFAULTS, near_m=0.5)
+    assert revisited_pairs([monday, tuesday], near) == [((0, k), (1, k)) for k in range(5)]
+    assert revisited_pairs([tuesday, monday], near) == [((1, k), (0, k)) for k in range(5)]
+
+
+def test_a_pair_counts_for_both_of_its_traces() -> None:
+    poses = np.column_stack([np.arange(3), np.zeros(3), np.zeros(3)]).astype(float)
+    monday, tuesday = (Trajectory(poses, (np.arange(3) + t) * 10**9) for t in (0, 100))
+    alone = Trajectory(poses + 50, np.arange(3) * 10**9)
+    pairs = [((0, 0), (1, 2)), ((0, 1), (1, 2))]
+    measured = {pairs[1]: Pose2D(0.75, 0, 0.1)}
+    found = MeasuredPairs([monday, tuesday, alone], pairs, measured, DEFAULTS)
+    for number, seconds in ((0, 1.0), (1, 2.0)):
+        one = found.evaluation(number)
+        errors = one.errors["self_check"]
+        assert (one.matched, one.total) == (1, 2)
+        assert errors.metres == pytest.approx([0.25])
+        assert errors.degrees == pytest.approx([math.degrees(0.1)])
+        assert errors.seconds == pytest.approx([seconds])
+        assert one.relations is not None
+        assert one.relations.from_ns.tolist() == [10**9]
+        assert one.relations.to_ns.tolist() == [102 * 10**9]
+    with pytest.raises(DataError, match="no place is visited twice"):
+        found.evaluation(2)
+
+
+@pytest.mark.slow
+def test_two_drives_in_one_frame_are_held_against_each_other(
+    records: list[Record], truth: Trajectory
+) -> None:
+    """Both halves of a drive as drives of their own; then the second is half a metre off."""
+    assert truth.stamps_ns is not None
+    half = len(truth) // 2
+    border = int(truth.stamps_ns[half])
+    logs = [[r for r in records if (r.stamp_ns >= border) == later] for later in (False, True)]
+    first = Trajectory(truth.poses[:half], truth.stamps_ns[:half])
+    for off, low, high in ((0.0, 0.0, 0.06), (1.0, 0.44, 0.56)):
+        shifted = moved(truth.poses[half:], Pose2D(0.4 * off, 0.3 * off, 0))
+        traces = [first, Trajectory(shifted, truth.stamps_ns[half:])]
+        recorded = list(map(RecordedTrace, traces, logs))
+        found = self_checks(recorded, replace(DEFAULTS, most=30))
+        crossing = [pair for pair in found.measured if pair[0][0] != pair[1][0]]
+        assert len(crossing) >= 10
+        for number in (0, 1):
+            assert low <= found.evaluation(number).numbers()["self_check_max"] <= high
+    with pytest.raises(DataError, match="no scan of the log") as caught:
+        self_checks([RecordedTrace(traces[0], logs[0]), RecordedTrace(traces[1], [], "b.tum")])
+    assert caught.value.file == "b.tum"

@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 
 from mapcli.algorithms.evaluation.trajectory_error import (
     EvaluateParameters,
+    associate,
+    common_alignment,
     evaluate_trajectory,
     nearest_stamps,
     rigid_alignment,
@@ -183,3 +185,19 @@ def test_pairs_along_the_path() -> None:
 def test_limits_know_every_number() -> None:
     truth = trajectory((0, 0, 0, 0), (2, 2, 0, 0))
     assert tuple(evaluate_trajectory(truth, truth).numbers()) == names_of_limits("trajectory")
+
+
+def test_one_alignment_of_two_traces() -> None:
+    """One trace a metre to the left of the truth, the other a metre to the right, both in a frame
+    that is turned by 90 degrees: no one motion is better than that turn."""
+    truth = trajectory((0, 0, 0, 0), (1, 2, 0, 0))
+    traces = [trajectory((0, -y, 0, math.pi / 2), (1, -y, 2, math.pi / 2)) for y in (1, -1)]
+    parameters = EvaluateParameters()
+    motion = common_alignment(traces, [associate(t, truth, parameters) for t in traces])
+    assert (motion.x, motion.y) == pytest.approx((0, 0), abs=1e-12)
+    assert motion.theta == pytest.approx(-math.pi / 2)
+    for trace in traces:
+        assert evaluate_trajectory(trace, truth).errors["ate"].metres == pytest.approx([0, 0])
+        found = evaluate_trajectory(trace, truth, parameters, motion)
+        assert found.errors["ate"].metres == pytest.approx([1, 1])
+        assert found.aligned == motion
