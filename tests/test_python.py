@@ -76,7 +76,7 @@ def test_what_the_page_shows_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert out.stdout.splitlines() == [
         "509 scans, 2 loops closed",
         "28 steps, complete",
-        "0.006 m",
+        "0.003 m",
         "intended, -15 deg: 59",
     ]
     assert (tmp_path / "apartment.pgm").exists()
