@@ -70,7 +70,7 @@ class _Check:
     def run(self) -> LoopCheck:
         closer = self.closer
         closed = best = self._trial(closer.accepted, closer.graph)
-        without = self._trial([], PoseGraph(closer.tracked_poses))
+        without = self._trial([], PoseGraph(closer.tracked.poses))
         while best.loops:
             trials = [self._without(best, group) for group in self._suspects(best, without)]
             better = max(trials, key=lambda trial: trial.nats, default=best)

@@ -35,6 +35,7 @@ from mapcli.algorithms.slam.loop_candidates import (
     find_candidates,
     search_window,
 )
+from mapcli.algorithms.slam.loop_consistency import TrackedOrigins, are_consistent
 from mapcli.algorithms.slam.map_parameters import MapParameters
 from mapcli.algorithms.slam.pieces import Pieces
 from mapcli.algorithms.slam.pose_graph import Edge, GraphPath, PoseGraph
@@ -55,12 +56,6 @@ LEAST_SCORE, LEAST_OVERLAP = 0.5, 0.4
 AMBIGUOUS_M = 0.5
 """Metres; a match that fits as well this far off in EVERY direction is none. In one direction it
 may: a corridor fixes the pose across it."""
-
-CONSISTENT_M, CONSISTENT_DEG = 0.15, 1.0
-"""Metres and degrees by which two loops may contradict each other: what two matches are off."""
-
-CONSISTENT_M_PER_M, CONSISTENT_DEG_PER_M = 0.01, 0.05
-"""The same for each metre of trajectory between them: what tracking drifts by."""
 
 OPTIMISE_GATE = 1.0
 """Mahalanobis distance of a new loop's residual at which the graph is optimised at once, from the
@@ -124,7 +119,8 @@ class LoopCloser:
     """One run over a trajectory (stateful: the graph grows).
 
     Attributes:
-        submaps: of the trajectory; metres: driven until each one's origin; tracked_poses: of those.
+        submaps: of the trajectory; metres: driven until each one's origin; tracked: these,
+            and the poses and pieces of the origins, as tracked.
         graph: a pose for each submap; edges along the trajectory, and loops.
         unconfirmed: loops that wait for another one that is consistent with them.
         accepted: loops in the graph.
@@ -141,14 +137,15 @@ class LoopCloser:
         self.keyframes, self.parameters = keyframes, parameters
         self.submaps = split_into_submaps(keyframes)
         self.matcher = SubmapMatcher(keyframes, map_)
-        self.tracked_poses = [keyframes[s.origin].pose for s in self.submaps]
-        self.graph = PoseGraph(self.tracked_poses)
+        poses = [keyframes[s.origin].pose for s in self.submaps]
+        self.graph = PoseGraph(poses)
         for k, (a, b) in enumerate(pairwise(s.origin for s in self.submaps)):
             self.graph.add(self._tracked_edge(k, a, b))
         self.metres = np.array([keyframes[s.origin].metres for s in self.submaps])
+        self.pieces = Pieces(keyframes, self.submaps)
+        self.tracked = TrackedOrigins(poses, self.metres, self.pieces.of)
         self.unconfirmed: list[ScoredLoop] = []
         self.accepted: list[ScoredLoop] = []
-        self.pieces = Pieces(keyframes, self.submaps)
         origins = [one.origin for one in self.submaps]
         self._wide_search = WideSearch(self.graph, self.matcher, origins, map_)
         self._places = PlacesOfSubmaps(places or KnownPlaces(), keyframes, self.submaps)
@@ -304,24 +301,8 @@ class LoopCloser:
             yield from self._loops_to[k]
 
     def are_consistent(self, one: Edge, other: Edge) -> bool:
-        """Whether two loops say the same, going round the cycle that they make: back by the one,
-        along the old trajectory, and by the other one again to the new trajectory must lead where
-        the new trajectory leads by itself."""
-        new = abs(self.metres[one.to] - self.metres[other.to])
-        old = abs(self.metres[one.from_] - self.metres[other.from_])
-        if old > 2 * APART_M or not self._are_alongside(one, other):
-            return False
-        before = self.tracked_poses[one.from_].between(self.tracked_poses[other.from_])
-        around = one.measured.inverse().compose(before).compose(other.measured)
-        error = self.tracked_poses[one.to].between(self.tracked_poses[other.to]).between(around)
-        is_near = math.hypot(error.x, error.y) <= CONSISTENT_M + CONSISTENT_M_PER_M * (new + old)
-        turn = math.radians(CONSISTENT_DEG + CONSISTENT_DEG_PER_M * (new + old))
-        return is_near and abs(error.theta) <= turn
-
-    def _are_alongside(self, one: Edge, other: Edge) -> bool:
-        """Whether tracking leads from a loop to another on both sides: by the same pieces."""
-        of = self.pieces.of
-        return of[one.from_] == of[other.from_] and of[one.to] == of[other.to]
+        """Whether two loops say the same."""
+        return are_consistent(one, other, self.tracked)
 
     def update_graph(self, accepted: list[Edge]) -> None:
         """Optimise the graph, unless loops only say what many before have said."""

@@ -75,7 +75,7 @@ def test_wrong_loops_that_agree_are_kept_only_if_the_map_is_better(off: Pose2D) 
     closer.accepted = wrong
     closer.graph.optimise()
     origins = [true[closer.keyframes[one.origin].scan] for one in closer.submaps]
-    without, found = worst(closer.tracked_poses, origins), error(closer, true)
+    without, found = worst(closer.tracked.poses, origins), error(closer, true)
     check = keep_loops_that_help(closer, trajectory)
     assert check is not None
     assert (check.dropped > 0) == (found > without)
@@ -105,7 +105,7 @@ def test_a_wrong_group_is_dropped_and_the_right_ones_stay() -> None:
 
 def test_loops_that_say_the_same_are_a_group() -> None:
     _, closer, _ = ring()
-    right, tracked = list(closer.accepted), closer.tracked_poses
+    right, tracked = list(closer.accepted), closer.tracked.poses
     elsewhere = [
         Edge(a, b, tracked[a].inverse().compose(WRONG).compose(tracked[b]), TIGHT)
         for a, b in ((one.edge.from_, one.edge.to) for one in right)
