@@ -30,6 +30,7 @@ from mapcli.commands._session_outputs import (
 )
 from mapcli.errors import DataError, MapcliError
 from mapcli.formats.documents.drive_state import read_state, write_state
+from mapcli.formats.logs.open_log import Log
 from mapcli.model.knowledge import Knowledge
 from mapcli.model.limit import Limit
 from mapcli.model.summary import ReplaySummary
@@ -112,8 +113,9 @@ def _check_resolution(drives: Sequence[Drive], parameters: SlamParameters) -> No
 
 
 def drive_name(log: str) -> str:
-    """`data/monday.log.gz` -> `monday`."""
-    return default_folder(log).removesuffix("-slam")
+    """`data/monday.log.gz` -> `monday`; what names of files should not have becomes `_`."""
+    name = default_folder(log).removesuffix("-slam")
+    return "".join(sign if sign.isprintable() else "_" for sign in name)
 
 
 def names_of(logs: Sequence[str], taken: Sequence[str]) -> list[str]:
@@ -139,7 +141,7 @@ class _Mapped:
     """
 
     def __init__(self, before: Sequence[Drive]) -> None:
-        self.drives = list(before)
+        self.drives, self._before = list(before), len(before)
         self.error: BaseException | None = None
 
     def map_all(
@@ -148,18 +150,19 @@ class _Mapped:
         """Map every recording. One that cannot be read is told and left out; a signal ends it.
 
         Raises:
-            MapcliError: the same, when there is no drive at all.
+            MapcliError: the same, when not one of them could be mapped; a file that is no log.
         """
-        for logs, name in zip(recordings, names, strict=True):
+        opened = [how.log_input.open(logs) for logs in recordings]  # fails before any work is done
+        for log, name in zip(opened, names, strict=True):
             try:
-                self.drives.append(self._map(logs, name, how))
+                self.drives.append(self._map(log, name, how))
             except MapcliError as error:
                 self.error = self._failed(error)
             except KeyboardInterrupt as stopped:
                 self.error = stopped
             if isinstance(self.error, KeyboardInterrupt):
                 break
-        if self.error is not None and not self.drives:
+        if self.error is not None and len(self.drives) == self._before:
             raise self.error
 
     def _failed(self, error: MapcliError) -> BaseException:
@@ -169,8 +172,7 @@ class _Mapped:
         say(f"Error: {error}")
         return self.error
 
-    def _map(self, logs: Sequence[str], name: str, how: DriveInput) -> Drive:
-        log = how.log_input.open(logs)
+    def _map(self, log: Log, name: str, how: DriveInput) -> Drive:
         slam = Slam(how.parameters)
         replayed, run = replay_log(log, how.log_input, slam, quiet=how.quiet)
         self.error = run.stopped_by or self.error

@@ -9,7 +9,10 @@ from typing import Any
 
 import pytest
 from conftest import FIXTURES, run
-from support.replaying import CORRIDOR, files, replay
+from support.replaying import CORRIDOR, files, replay, write_log
+
+from mapcli import Pose2D
+from mapcli.model.scan import Odometry
 
 WHEN = {"monday": (0, 45, 5), "tuesday": (86_400, 60, 6), "wednesday": (172_800, 70, 7)}
 """Of each drive: seconds after the first, seconds into the apartment's log, seed."""
@@ -118,10 +121,18 @@ def test_drives_at_the_same_time_have_no_newest(capsys: pytest.CaptureFixture[st
 def test_a_drive_that_cannot_be_read_is_told_when_the_others_are_done(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    Path("bad.mcap").write_bytes(b"\x89MCAP0\r\n" + bytes(100))
+    write_log("bad.mcap", [Odometry(10**9, Pose2D())])
     assert replay("-q", "--sessions", "monday.mcap", "bad.mcap", "tuesday.mcap", "-o", "out") == 1
-    assert capsys.readouterr().err.splitlines()[-1].startswith("Error: bad.mcap: ")
+    assert capsys.readouterr().err.splitlines()[-1].startswith("Error: bad.mcap: no range scans")
     assert len(document("out")["drives"]) == 2
+
+
+def test_a_file_that_is_no_log_is_told_before_any_work(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("bad.mcap").write_bytes(b"something else")
+    assert replay("--sessions", "monday.mcap", "bad.mcap", "-o", "out") == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("Error: bad.mcap: is no log")
+    assert not Path("out").exists()
 
 
 @pytest.mark.parametrize(

@@ -157,8 +157,8 @@ def test_the_summary(corridor: Trace) -> None:
     summary = corridor["summary"]
     assert list(summary) == [
         "scans", "used", "used_share", "lost_share", "matched", "odometry", "skipped",
-        "distance_m", "duration_s", "loops", "mean_score", "odometry_jumps", "odometry_faults",
-        "odometry_catch_ups", "damage", "interrupted", "verdict", "reasons",
+        "distance_m", "duration_s", "loops", "unjoined", "mean_score", "odometry_jumps",
+        "odometry_faults", "odometry_catch_ups", "damage", "interrupted", "verdict", "reasons",
     ]  # fmt: skip
     assert (summary["scans"], summary["used"], summary["used_share"]) == (50, 50, 1)
     assert summary["lost_share"] == 0

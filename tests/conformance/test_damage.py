@@ -136,8 +136,9 @@ def test_one_reading_of_3000_m_changes_one_beam(
     # The log has 36 scans, 0.6 m apart: one of them misses a beam that the other log's has.
     assert np.quantile(apart, 0.95) < 0.05  # a cell
     assert apart.max() < 0.15
+    # Of far rays, which lie cells apart, a hair's breadth decides which cells are known.
     compared = run("compare", "-q", "good/map.yaml", "one-3000/map.yaml",
-                   "--fail-if", "iou_free<0.97", "--fail-if", "agreement<0.99")  # fmt: skip
+                   "--fail-if", "changed_m2>0.02", "--fail-if", "agreement<0.99")  # fmt: skip
     assert compared == 0
 
 

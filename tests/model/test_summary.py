@@ -42,6 +42,7 @@ def test_the_document_literally() -> None:
         "distance_m": 12.346,
         "duration_s": 60.0,
         "loops": 0,
+        "unjoined": 0,
         "mean_score": 0.8765,
         "odometry_jumps": 3,
         "odometry_faults": 12,

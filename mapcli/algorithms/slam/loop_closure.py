@@ -202,7 +202,7 @@ class LoopCloser:
         """Look for a submap among those of pieces that its own is not joined with."""
         for group in self.pieces.others(new):
             others = self.pieces.members(group, new)
-            if self._wide_search.is_due(new, others):
+            if self._wide_search.is_due(new, others, self.pieces.of[new]):
                 self._propose_clear(new, self._wide_search.find(new, others))
 
     def accept_known(self, new: int) -> list[Edge]:
@@ -225,11 +225,14 @@ class LoopCloser:
         self.graph.add(loop.edge)
         self.accepted.append(loop)
 
-    def _propose_clear(self, new: int, places: list[Found]) -> None:
+    def _propose_clear(self, new: int, places: list[list[Found]]) -> None:
         """A submap that fits clearly best at one of these places becomes a loop that waits for
         another one; one that fits at two of them as well may be at either."""
-        found = (self._match(one.old, new, one.pose, CLOSE_WINDOW) for one in places)
-        loops = sorted(filter(None, found), key=lambda loop: -loop.score)
+        loops = []
+        for place in places:
+            found = (self._match(one.old, new, one.pose, CLOSE_WINDOW) for one in place)
+            loops += sorted(filter(None, found), key=lambda loop: -loop.score)[:1]
+        loops.sort(key=lambda loop: -loop.score)
         if loops and all(loops[0].score - one.score >= CLEARLY for one in loops[1:]):
             self.propose(loops[0])
 

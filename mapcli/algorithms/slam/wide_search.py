@@ -39,7 +39,10 @@ BESIDE_M = 10.0
 """Metres from the submaps that were mapped before, at which a robot still sees them."""
 
 NODES_A_SUBMAP = 50_000
-"""Squares times headings that may be looked into for each submap of the trajectory: 30 ms."""
+"""Squares times headings that may be looked into for each submap of the trajectory: 30 ms..."""
+
+SEARCHES_A_PIECE = 4
+"""...and searches for each piece besides, so that a short one is found, too: two must agree."""
 
 LEAST_SCORE = 0.4
 """Of what is found in the coarse map, to be matched anew."""
@@ -48,6 +51,9 @@ ALIKE = 0.9
 """Share of the best fit from which on another place looks like the one that was found, in a coarse
 map. A room among many that are alike fits into each of them as well as this, and a place that is
 like no other into the rest of a building three quarters as well."""
+
+NEAREST = 3
+"""Submaps in whose maps a place is looked for closely."""
 
 MOST_RIVALS = 4
 """Other places that are told, at most."""
@@ -79,21 +85,25 @@ class WideSearch:
         self._spent, self._searched = 0, set[int]()
         self._coarse: tuple[list[int], list[Pose2D], OccupancyGrid] | None = None
 
-    def is_due(self, new: int, others: list[int]) -> bool:
+    def is_due(self, new: int, others: list[int], piece: int) -> bool:
         """Whether to search for a submap: what has been spent by now must be in proportion to the
-        trajectory; and a submap is searched for with the next one, for only two together tell."""
+        trajectory; and a submap is searched for with the next one, for only two together tell.
+
+        Args:
+            piece: the number of its piece.
+        """
         _, poses = self._everywhere(others)
         nodes = int((2 * poses.reach / LEVEL_WIDTHS[-1] + 1) ** 2) * (2 * TURNS + 1)
-        allowed = NODES_A_SUBMAP * (new + 1) - self._spent
+        allowed = NODES_A_SUBMAP * (new + 1) + SEARCHES_A_PIECE * nodes * piece - self._spent
         if allowed < (nodes if new - 1 in self._searched else 2 * nodes):
             return False
         self._spent += nodes
         self._searched.add(new)
         return True
 
-    def find(self, new: int, others: list[int]) -> list[Found]:
+    def find(self, new: int, others: list[int]) -> list[list[Found]]:
         """The best place of a submap among others, if there is any, and places that look like it
-        in a coarse map."""
+        in a coarse map; each as seen from the submaps nearest to it."""
         points = self.matcher.points(self.origins[new])
         if not len(points):
             return []
@@ -115,10 +125,13 @@ class WideSearch:
         places = [place, *(cells for _, cells in rivals[:MOST_RIVALS])]
         return [self._seen_from_others(grid.pose_from_cells(one), others) for one in places]
 
-    def _seen_from_others(self, pose: Pose2D, others: list[int]) -> Found:
-        """A place in the map, as seen from the nearest submap."""
-        old = min(others, key=lambda k: self.graph.poses[k].distance(pose))
-        return Found(old, self.graph.poses[old].between(pose))
+    def _seen_from_others(self, pose: Pose2D, others: list[int]) -> list[Found]:
+        """A place in the map, as seen from the nearest submaps: the very nearest may have been
+        mapped from behind a wall."""
+        there = self.graph.positions()[others]
+        order = np.argsort(np.hypot(*(there - (pose.x, pose.y)).T), kind="stable")
+        near = [others[k] for k in order[:NEAREST].tolist()]
+        return [Found(old, self.graph.poses[old].between(pose)) for old in near]
 
     def _everywhere(self, others: list[int]) -> tuple[Pose2D, PoseGrid]:
         """All poses at which others are seen."""
