@@ -224,6 +224,10 @@ def report_sessions(
     for joint in maps:
         for one in joint.drives:
             say(f"{'drive':>13}  {_line(one, is_apart=joint is not first)}")
+            for reason in one.summary.reasons:
+                if reason.verdict != "good":
+                    span = f"{reason.from_s:,.0f} to {reason.to_s:,.0f} s"
+                    say(f"{'reason':>13}  {reason.line()} ({span})")
     count = sum(len(joint.drives) for joint in maps)
     grid = first.map
     width, height = grid.columns * grid.resolution, grid.rows * grid.resolution

@@ -7,6 +7,7 @@ confirms it, and counts against it only where much of what it saw is not there f
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -70,6 +71,13 @@ def _least(own: float | None, others: float | None) -> float | None:
     if own is None:
         return others if others is not None and others <= CONTRADICTED else None
     return own if others is None else min(own, others)
+
+
+def with_names(reason: Reason, drive: str) -> Reason:
+    """A reason whose line to try names the drive at its times, as is needed where there are
+    several."""
+    times = r"(--same-place |--trust-odometry |,)(?=[\dT])"
+    return replace(reason, remedy=re.sub(times, rf"\g<1>{drive}:", reason.remedy))
 
 
 def drive_reasons(

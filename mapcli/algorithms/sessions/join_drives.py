@@ -24,6 +24,7 @@ from mapcli.algorithms.sessions.drive_agreement import (
     confirmed_by,
     drive_reasons,
     sample_of,
+    with_names,
 )
 from mapcli.algorithms.sessions.fused_map import fuse
 from mapcli.algorithms.sessions.joined_trajectory import joined_trajectory
@@ -144,14 +145,14 @@ def _joined_drive(
     lasting = [one for one in drive.summary.reasons if one.kind not in MAP_REASONS]
     unjoined = closed.unjoined(k, oldest)
     own = compare_scans(sample_of(part), part.poses)
-    reasons = (
+    of_map = (
         *map_reasons(
             poses, confirmed_by(own, others), unjoined=unjoined, begins=piece_begins(part)
         ),
         *drive_reasons(poses, own, others),
         *wrong_lines(closed.wrong_lines, drive.summary.duration_s),
-        *lasting,
     )
+    reasons = (*(with_names(one, drive.name) for one in of_map), *lasting)
     summary = replace(
         drive.summary, distance_m=trace.distance(), loops=len(loops), loop_check=None,
         unjoined=len(unjoined), verdict=verdict_of(reasons), reasons=reasons,

@@ -17,8 +17,11 @@ from mapcli.algorithms.slam.keyframes import Keyframe
 from mapcli.algorithms.slam.submaps import SUBMAP_M, Submap
 from mapcli.model.pose import Pose2D
 
-ABOUT = SearchWindow(4.0, math.pi)
-"""Where the robot may be at "the same place", and how it may look there."""
+HEADINGS = 12
+"""At which the robot may look at "the same place"..."""
+
+ABOUT = SearchWindow(2.0, math.pi / HEADINGS)
+"""...and how far from there it may be, and from the nearest of them."""
 
 AS_SAID = SearchWindow(1.5, math.radians(20.0))
 """The same where a person says where it was, and how it looked."""
@@ -55,10 +58,10 @@ class KnownPlaces:
 
 
 class Sought(NamedTuple):
-    """Where a person says that a submap is: seen from an old one, in a window."""
+    """Where a person says that a submap is: seen from an old one, in windows around some poses."""
 
     old: int
-    pose: Pose2D
+    poses: list[Pose2D]
     window: SearchWindow
     line: str
 
@@ -90,9 +93,10 @@ class PlacesOfSubmaps:
                 one, other = self._nearest(same.one).pose, self._nearest(same.other).pose
                 old = self._submap_of(same.one)
                 a, b = (self._keyframes[self._submaps[k].origin].pose for k in (old, new))
-                there = same.pose or Pose2D()
-                pose = a.between(one).compose(there).compose(other.between(b))
-                yield Sought(old, pose, AS_SAID if same.pose else ABOUT, same.line)
+                turns = [Pose2D(0.0, 0.0, k * math.tau / HEADINGS) for k in range(HEADINGS)]
+                there = [same.pose] if same.pose else turns
+                poses = [a.between(one).compose(pose).compose(other.between(b)) for pose in there]
+                yield Sought(old, poses, AS_SAID if same.pose else ABOUT, same.line)
 
     def are_apart(self, old: int, new: int) -> bool:
         """Whether a person knows that submaps are of different places."""

@@ -10,6 +10,7 @@ if the map with all that are left is still worse than the one without any, none 
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -86,7 +87,26 @@ class _Check:
 
     def _trial(self, loops: list[ScoredLoop], graph: PoseGraph) -> Trial:
         poses = apply_corrections(self.trajectory, self.closer.submaps, graph.poses)
-        return Trial(loops, graph, explain_scans(self.sample, poses, self.trajectory.begins))
+        explained = [
+            one
+            for scans in self._together(loops)
+            for one in explain_scans(scans, poses, self.trajectory.begins)
+        ]
+        return Trial(loops, graph, explained)
+
+    def _together(self, loops: list[ScoredLoop]) -> list[list[SampledScan]]:
+        """The sample in parts: of drives that no loop leads between, nobody knows how they lie to
+        each other, so that one says nothing of the other."""
+        begins, group = self.trajectory.begins, list(range(len(self.trajectory.begins)))
+        keyframes, submaps = self.trajectory.keyframes, self.closer.submaps
+        for loop in loops:
+            ends = (submaps[k].origin for k in (loop.edge.from_, loop.edge.to))
+            one, other = sorted(group[bisect_right(begins, keyframes[k].scan) - 1] for k in ends)
+            group = [one if g == other else g for g in group]
+        parts: dict[int, list[SampledScan]] = {}
+        for scan in self.sample:
+            parts.setdefault(group[bisect_right(begins, scan.scan) - 1], []).append(scan)
+        return list(parts.values())
 
     def _without(self, trial: Trial, group: list[ScoredLoop]) -> Trial:
         """The same without a group of loops."""

@@ -209,7 +209,8 @@ class LoopCloser:
         """Loops that a person told, if they are there: they need no other one that agrees."""
         taken = []
         for one in self._places.sought(new):
-            loop = self._match(one.old, new, one.pose, one.window)
+            found = [self._match(one.old, new, pose, one.window) for pose in one.poses]
+            loop = max(filter(None, found), key=lambda loop: loop.score, default=None)
             if loop is None:
                 self.not_found.append(one.line)
                 continue

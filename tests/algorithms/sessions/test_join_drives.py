@@ -23,8 +23,11 @@ from support.looping import (
 from mapcli import Pose2D, SlamParameters
 from mapcli.algorithms.scans.perception import Perception
 from mapcli.algorithms.sessions.drive import Drive, by_age, do_overlap, without_repeats
+from mapcli.algorithms.sessions.drive_agreement import with_names
 from mapcli.algorithms.sessions.join_drives import JointMap, join_drives
 from mapcli.algorithms.sessions.saving import restored, saved
+from mapcli.model.knowledge import Knowledge, Moment, SamePlace
+from mapcli.model.reason import Reason
 from mapcli.model.summary import NOTHING
 from mapcli.model.trace import TracedPose
 
@@ -155,3 +158,32 @@ def test_one_drive(static: bool) -> None:
     (joint,) = join_drives(day()[:1], PARAMETERS, static=static)
     assert [one.drive.name for one in joint.drives] == ["morning"]
     assert joint.drives[0].summary.verdict == "good"
+
+
+def alike() -> list[Drive]:
+    """Two drives past rooms that look the same; the second one begins where the first one ends."""
+    ways = ((10.0, 22.0), (20.0, 32.0))
+    return [
+        through(rooms(24), [Pose2D(x) for x in np.arange(*way, 0.4).tolist()], name, begin_s)
+        for way, name, begin_s in zip(ways, ("one", "two"), (1000, 2000), strict=True)
+    ]
+
+
+def told(one_s: float, two_s: float) -> Knowledge:
+    return Knowledge((SamePlace(Moment(one_s, "one"), Moment(two_s, "two"), Pose2D()),))
+
+
+def test_a_person_tells_rooms_apart() -> None:
+    """A fifth of a second and 0.4 m from scan to scan: at 5.4 s the first is at x 20.8 m, where
+    the second one is at 0.4 s. Which of the rooms, 3 m apart, is what is asked."""
+    (joint,) = join_drives(alike(), PARAMETERS, told(5.4, 0.4))
+    begin = joint.drives[1].trace.poses[0].pose
+    assert (begin.x, begin.y) == pytest.approx((10.0, 0.0), abs=0.2)
+    assert all(one.summary.verdict == "good" for one in joint.drives)
+
+
+def test_the_line_to_try_names_the_drive() -> None:
+    reason = Reason("walls_twice", 0, 1, "text", "--same-place 50.0,149.0")
+    assert with_names(reason, "monday").remedy == "--same-place monday:50.0,monday:149.0"
+    trust = replace(reason, remedy="--trust-odometry 10-20")
+    assert with_names(trust, "day-2").remedy == "--trust-odometry day-2:10-20"
