@@ -118,7 +118,10 @@ def write_outputs(
     with output_set(no_clobber=no_clobber) as files:
         digests = {name: files.write(name, content) for name, content in contents.items()}
         if outputs.json:
-            files.write(outputs.json, _trace_json(outputs.json, replayed, head, digests))
+            files.write(
+                outputs.json,
+                trace_json(outputs.json, replayed.trace, head, replayed.summary, digests),
+            )
 
 
 def _contents(outputs: ReplayOutputs, replayed: Replayed) -> dict[str, bytes | Pieces]:
@@ -140,10 +143,18 @@ def beside(target: str, name: str) -> str:
     return name if name == "-" else str(Path(target).with_name(name))
 
 
-def _trace_json(
-    file: str, replayed: Replayed, head: Mapping[str, Any], digests: Mapping[str, str]
+def trace_json(
+    file: str,
+    trace: PoseTrace,
+    head: Mapping[str, Any],
+    summary: ReplaySummary,
+    digests: Mapping[str, str],
 ) -> Pieces:
-    """The trace as JSON, with the digests of the files in its folder."""
+    """The trace as JSON, with the digests of the files in its folder.
+
+    Args:
+        head: `inputs` and `parameters`.
+    """
     from mapcli.formats.documents.json_document import json_pieces
     from mapcli.formats.documents.pose_trace import trace_document
 
@@ -153,9 +164,9 @@ def _trace_json(
         for name, digest in digests.items()
         if name != "-" and Path(name).absolute().parent == folder
     }
-    summary = replayed.summary.document()
+    document = summary.document()
     return json_pieces(
-        trace_document(replayed.trace, head["inputs"], head["parameters"], summary, siblings)
+        trace_document(trace, head["inputs"], head["parameters"], document, siblings)
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Any
@@ -14,7 +14,7 @@ from mapcli.algorithms.sessions.drive import Drive
 from mapcli.algorithms.sessions.join_drives import JoinedDrive, JointMap
 from mapcli.commands._map_output import usual_options
 from mapcli.commands._output import check_outputs, is_same_file
-from mapcli.commands._replay_outputs import beside
+from mapcli.commands._replay_outputs import beside, trace_json
 from mapcli.commands._say import say
 from mapcli.formats.maps.save import SUFFIXES, Pieces, map_files
 from mapcli.formats.output import OutputSet, descriptor_of, output_set
@@ -118,7 +118,9 @@ def write_sessions(
             digests |= own
             for one in joint.drives:
                 trace = outputs.trace(one.drive.name)
-                digests[trace] = files.write(trace, _trace(one, trace, own))
+                head = {"inputs": one.drive.inputs, "parameters": one.drive.parameters}
+                pieces = trace_json(trace, one.trace, head, one.summary, own)
+                digests[trace] = files.write(trace, pieces)
                 rows.append(_row(one, k, Path(trace).name))
         if outputs.state is not None:
             with files.opened(outputs.state) as stream:
@@ -144,22 +146,6 @@ def _picture(joint: JointMap) -> bytes:
 
     paths = {one.drive.name: RobotPath.of(one.trace.trajectory()) for one in joint.drives}
     return drives_plan(joint.map, paths)
-
-
-def _trace(one: JoinedDrive, file: str, siblings: dict[str, str]) -> Iterator[bytes]:
-    from mapcli.formats.documents.json_document import json_pieces
-    from mapcli.formats.documents.pose_trace import trace_document
-
-    beside = {
-        Path(name).name: digest
-        for name, digest in siblings.items()
-        if Path(name).absolute().parent == Path(file).absolute().parent
-    }
-    return json_pieces(
-        trace_document(
-            one.trace, one.drive.inputs, one.drive.parameters, one.summary.document(), beside
-        )
-    )
 
 
 def _row(one: JoinedDrive, map_: int, trace: str) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -11,9 +10,11 @@ from typing import NamedTuple
 from mapcli.algorithms.sessions.drive import Drive
 from mapcli.algorithms.sessions.joined_trajectory import joined_trajectory
 from mapcli.algorithms.slam.back_end import loops_between_scans
+from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.loop_check import keep_loops_that_help
 from mapcli.algorithms.slam.loop_closure import LoopCloser, LoopParameters
 from mapcli.algorithms.slam.persons_view import PersonsView
+from mapcli.algorithms.slam.pieces import merged
 from mapcli.algorithms.slam.slam_parameters import SlamParameters
 from mapcli.algorithms.slam.submaps import apply_corrections
 from mapcli.model.knowledge import Knowledge
@@ -55,7 +56,6 @@ class ClosedDrives:
         progress: Callable[[int], None],
     ) -> None:
         trajectory = joined_trajectory(drives)
-        self._begins = trajectory.begins
         loops = parameters.loops or LoopParameters()
         told = PersonsView.of(knowledge, [(one.name, one.poses) for one in drives])
         trajectory, wrong = told.followed(trajectory, parameters.odometry)
@@ -64,33 +64,16 @@ class ClosedDrives:
         keep_loops_that_help(closer, trajectory)
         closed = closer.result()
         self.wrong_lines = [*wrong, *closer.wrong_lines()]
-        self._pieces = self._pieces_of(closer)
+        self._pieces = _pieces_of(closer, trajectory)
         poses = apply_corrections(trajectory, closed.submaps, closed.origins)
-        ends = [*self._begins[1:], len(poses)]
+        spans = trajectory.spans()
         self.drives = [
             _with_steps(drive, trajectory.steps[begin + 1 : end])
-            for drive, begin, end in zip(drives, self._begins, ends, strict=True)
+            for drive, (begin, end) in zip(drives, spans, strict=True)
         ]
-        self.poses = [poses[begin:end] for begin, end in zip(self._begins, ends, strict=True)]
-        self.links = [self._link(loop) for loop in loops_between_scans(trajectory, closed)]
-
-    def _link(self, loop: Loop) -> Link:
-        """A loop between scans of all drives as one between those of each."""
-        one, other = (bisect_right(self._begins, scan) - 1 for scan in (loop.from_, loop.to))
-        from_, to = loop.from_ - self._begins[one], loop.to - self._begins[other]
-        return Link(one, other, replace(loop, from_=from_, to=to))
-
-    def _pieces_of(self, closer: LoopCloser) -> list[list[Piece]]:
-        """The pieces of each drive."""
-        pieces: list[list[Piece]] = [[] for _ in self._begins]
-        for k, submap in enumerate(closer.submaps):
-            first = closer.keyframes[submap.first]
-            if first.lost_since is not None or not k:
-                scan = first.lost_since or 0
-                drive = bisect_right(self._begins, scan) - 1
-                first_scan = scan - self._begins[drive]
-                pieces[drive].append(Piece(first_scan, closer.pieces.group(k)))
-        return pieces
+        self.poses = [poses[begin:end] for begin, end in spans]
+        loops_closed = loops_between_scans(trajectory, closed)
+        self.links = [_link(loop, trajectory) for loop in loops_closed]
 
     def unjoined(self, drive: int, oldest: int) -> list[tuple[int, int]]:
         """First and last scans of the pieces of a drive that are joined with none of the oldest
@@ -114,9 +97,27 @@ class ClosedDrives:
         """The drives that loops lead between, by their numbers, each group in order of age."""
         group = list(range(len(self.drives)))
         for link in self.links:
-            one, other = sorted((group[link.from_drive], group[link.to_drive]))
-            group = [one if g == other else g for g in group]
+            group = merged(group, link.from_drive, link.to_drive)
         return [[k for k, own in enumerate(group) if own == g] for g in sorted(set(group))]
+
+
+def _link(loop: Loop, trajectory: TrackedTrajectory) -> Link:
+    """A loop between scans of all drives as one between those of each."""
+    one, other = trajectory.drive_of(loop.from_), trajectory.drive_of(loop.to)
+    from_, to = loop.from_ - trajectory.begins[one], loop.to - trajectory.begins[other]
+    return Link(one, other, replace(loop, from_=from_, to=to))
+
+
+def _pieces_of(closer: LoopCloser, trajectory: TrackedTrajectory) -> list[list[Piece]]:
+    """The pieces of each drive."""
+    pieces: list[list[Piece]] = [[] for _ in trajectory.begins]
+    for k, submap in enumerate(closer.submaps):
+        first = closer.keyframes[submap.first]
+        if first.lost_since is not None or not k:
+            scan = first.lost_since or 0
+            drive = trajectory.drive_of(scan)
+            pieces[drive].append(Piece(scan - trajectory.begins[drive], closer.pieces.group(k)))
+    return pieces
 
 
 def _with_steps(drive: Drive, steps: list[Pose2D | None]) -> Drive:

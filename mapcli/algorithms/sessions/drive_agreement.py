@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from mapcli.algorithms.slam.contradictions import Agreement, compare_scans
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
-from mapcli.algorithms.slam.scan_sample import SampledScan, ScanSample
+from mapcli.algorithms.slam.scan_sample import sample_of_keyframes
 from mapcli.algorithms.slam.verdict import CONTRADICTED
 from mapcli.model.pose import Pose2D
 from mapcli.model.reason import Reason
@@ -24,14 +24,6 @@ from mapcli.model.trace import TracedPose
 MANY = 0.25
 """Share of a drive's scans that others contradict, from which on it lies wrongly on them, or next
 to nothing is as it was."""
-
-
-def sample_of(part: TrackedTrajectory) -> list[SampledScan]:
-    """Keyframes of a drive spread evenly over its way, to be compared."""
-    sample = ScanSample()
-    for keyframe in part.keyframes:
-        sample.add(keyframe.pose, keyframe.perception)
-    return [replace(one, scan=part.keyframes[one.scan].scan) for one in sample.scans]
 
 
 def compare_drives(
@@ -45,7 +37,7 @@ def compare_drives(
     sampled = [
         replace(one, scan=begin + one.scan)
         for part, begin in zip(parts, begins, strict=True)
-        for one in sample_of(part)
+        for one in sample_of_keyframes(part.keyframes)
     ]
     own: list[list[Agreement]] = [[] for _ in parts]
     for one in compare_scans(sampled, poses, begins):

@@ -23,7 +23,6 @@ from mapcli.algorithms.sessions.drive_agreement import (
     compare_drives,
     confirmed_by,
     drive_reasons,
-    sample_of,
     with_names,
 )
 from mapcli.algorithms.sessions.fused_map import fuse
@@ -32,6 +31,7 @@ from mapcli.algorithms.slam.back_end import piece_begins, refine_all
 from mapcli.algorithms.slam.contradictions import Agreement, compare_scans
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.map_refinement import map_from_keyframes
+from mapcli.algorithms.slam.scan_sample import sample_of_keyframes
 from mapcli.algorithms.slam.slam_parameters import SlamParameters
 from mapcli.algorithms.slam.verdict import map_reasons, verdict_of, wrong_lines
 from mapcli.model.grid import GridMap
@@ -115,9 +115,8 @@ def _joint_map(
 def parts_of(joined: TrackedTrajectory, poses: Sequence[Pose2D]) -> list[TrackedTrajectory]:
     """The drives of a joined trajectory apart again, at new poses: of each its poses, and its
     keyframes by the numbers of its own scans."""
-    ends = [*joined.begins[1:], len(joined.poses)]
     parts = []
-    for begin, end in zip(joined.begins, ends, strict=True):
+    for begin, end in joined.spans():
         keyframes = []
         for one in joined.keyframes:
             if begin <= one.scan < end:
@@ -144,7 +143,7 @@ def _joined_drive(
     trace = PoseTrace(poses, loops)
     lasting = [one for one in drive.summary.reasons if one.kind not in MAP_REASONS]
     unjoined = closed.unjoined(k, oldest)
-    own = compare_scans(sample_of(part), part.poses)
+    own = compare_scans(sample_of_keyframes(part.keyframes), part.poses)
     of_map = (
         *map_reasons(
             poses, confirmed_by(own, others), unjoined=unjoined, begins=piece_begins(part)

@@ -7,9 +7,10 @@ points, but say nothing to the map.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -91,6 +92,18 @@ class TrackedTrajectory:
     keyframes: list[Keyframe] = field(default_factory=list)
     sweeps: TrackedSweeps = field(default_factory=TrackedSweeps)
     begins: list[int] = field(default_factory=lambda: [0])
+
+    def drive_of(self, scan: int) -> int:
+        """The number of the drive that a scan belongs to."""
+        return bisect_right(self.begins, scan) - 1
+
+    def spans(self) -> list[tuple[int, int]]:
+        """The first scan of each drive, and the one after its last."""
+        return list(pairwise([*self.begins, len(self.poses)]))
+
+    def gaps(self) -> list[int]:
+        """The last scans of all drives but the last one: nobody knows the step from there."""
+        return [begin - 1 for begin in self.begins[1:]]
 
     def add(self, pose: Pose2D, points: NDArray[Any], step: Pose2D | None = None) -> None:
         """The next scan."""

@@ -10,15 +10,14 @@ if the map with all that are left is still worse than the one without any, none 
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from dataclasses import replace
 from typing import NamedTuple
 
 from mapcli.algorithms.slam.contradictions import Explained, explain_scans
-from mapcli.algorithms.slam.keyframes import Keyframe, TrackedTrajectory
+from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.loop_closure import LoopCloser, ScoredLoop
+from mapcli.algorithms.slam.pieces import merged
 from mapcli.algorithms.slam.pose_graph import PoseGraph
-from mapcli.algorithms.slam.scan_sample import SampledScan, ScanSample
+from mapcli.algorithms.slam.scan_sample import SampledScan, sample_of_keyframes
 from mapcli.algorithms.slam.submaps import apply_corrections
 from mapcli.model.loop_check import LoopCheck
 
@@ -66,7 +65,8 @@ def keep_loops_that_help(closer: LoopCloser, trajectory: TrackedTrajectory) -> L
 class _Check:
     def __init__(self, closer: LoopCloser, trajectory: TrackedTrajectory) -> None:
         self.closer, self.trajectory = closer, trajectory
-        self.sample = sample_of(trajectory.keyframes)
+        sample = sample_of_keyframes(trajectory.keyframes)
+        self.sample = sample[:: 1 + (len(sample) > MOST_SCANS)]
 
     def run(self) -> LoopCheck:
         closer = self.closer
@@ -97,15 +97,15 @@ class _Check:
     def _together(self, loops: list[ScoredLoop]) -> list[list[SampledScan]]:
         """The sample in parts: of drives that no loop leads between, nobody knows how they lie to
         each other, so that one says nothing of the other."""
-        begins, group = self.trajectory.begins, list(range(len(self.trajectory.begins)))
-        keyframes, submaps = self.trajectory.keyframes, self.closer.submaps
+        trajectory, submaps = self.trajectory, self.closer.submaps
+        group = list(range(len(trajectory.begins)))
         for loop in loops:
             ends = (submaps[k].origin for k in (loop.edge.from_, loop.edge.to))
-            one, other = sorted(group[bisect_right(begins, keyframes[k].scan) - 1] for k in ends)
-            group = [one if g == other else g for g in group]
+            drives = (trajectory.drive_of(trajectory.keyframes[k].scan) for k in ends)
+            group = merged(group, *drives)
         parts: dict[int, list[SampledScan]] = {}
         for scan in self.sample:
-            parts.setdefault(group[bisect_right(begins, scan.scan) - 1], []).append(scan)
+            parts.setdefault(group[trajectory.drive_of(scan.scan)], []).append(scan)
         return list(parts.values())
 
     def _without(self, trial: Trial, group: list[ScoredLoop]) -> Trial:
@@ -151,12 +151,3 @@ def groups_of(loops: list[ScoredLoop], closer: LoopCloser) -> list[list[ScoredLo
         else:
             groups.append([one])
     return groups
-
-
-def sample_of(keyframes: list[Keyframe]) -> list[SampledScan]:
-    """Keyframes spread evenly over the way, to be compared."""
-    sample = ScanSample()
-    for keyframe in keyframes:
-        sample.add(keyframe.pose, keyframe.perception)
-    some = sample.scans[:: 1 + (len(sample.scans) > MOST_SCANS)]
-    return [replace(one, scan=keyframes[one.scan].scan) for one in some]

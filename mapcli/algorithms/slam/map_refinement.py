@@ -62,7 +62,7 @@ def believed_steps(trajectory: TrackedTrajectory, model: MotionModel) -> Odometr
         step = believed or before.between(after)
         counted[k] = step.x, step.y, step.theta
         information[k] = model.uncertainty(believed).along_axes().weights()
-    information[[begin - 1 for begin in trajectory.begins[1:]]] = 0.0
+    information[trajectory.gaps()] = 0.0
     return OdometrySteps(counted, information / INDEPENDENT_SHARE)
 
 

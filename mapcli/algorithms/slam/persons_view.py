@@ -9,8 +9,8 @@ from itertools import accumulate
 from mapcli.algorithms.slam.contradictions import compare_scans
 from mapcli.algorithms.slam.keyframes import TrackedTrajectory
 from mapcli.algorithms.slam.known_places import KnownPlaces, SameScans
-from mapcli.algorithms.slam.loop_check import sample_of
 from mapcli.algorithms.slam.motion_model import MotionModel
+from mapcli.algorithms.slam.scan_sample import sample_of_keyframes
 from mapcli.algorithms.slam.trusted_odometry import with_trusted_odometry
 from mapcli.algorithms.slam.verdict import CONTRADICTED, FEWEST
 from mapcli.errors import DataError
@@ -86,6 +86,6 @@ class PersonsView:
 
 def _torn(trajectory: TrackedTrajectory) -> int:
     """How many scans those taken shortly before and after contradict."""
-    sample = sample_of(trajectory.keyframes)
+    sample = sample_of_keyframes(trajectory.keyframes)
     agreements = compare_scans(sample, trajectory.poses, trajectory.begins)
     return sum((one.near or 0.0) > CONTRADICTED for one in agreements)

@@ -14,6 +14,12 @@ from mapcli.algorithms.slam.keyframes import Keyframe
 from mapcli.algorithms.slam.submaps import Submap
 
 
+def merged(groups: list[int], one: int, other: int) -> list[int]:
+    """The groups of all members when those of two of them become one, the earlier of both."""
+    first, second = sorted((groups[one], groups[other]))
+    return [first if group == second else group for group in groups]
+
+
 class Pieces:
     """The pieces of a trajectory's submaps, and which have been joined (stateful: `join`).
 
@@ -35,8 +41,7 @@ class Pieces:
 
     def join(self, one: int, other: int) -> None:
         """A loop leads from a submap to another one."""
-        first, second = sorted((self.group(one), self.group(other)))
-        self._group = [first if group == second else group for group in self._group]
+        self._group = merged(self._group, self.of[one], self.of[other])
 
     def others(self, submap: int) -> list[int]:
         """Groups that begin before a submap's piece, and that it is not joined with."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mapcli.algorithms.scans.perception import Perception
+from mapcli.algorithms.slam.keyframes import Keyframe
 from mapcli.algorithms.slam.scan_points import voxel_filtered
 from mapcli.model.pose import Pose2D
 
@@ -80,3 +82,11 @@ class ScanSample:
         if len(self.scans) > MOST_SCANS:
             del self.scans[1::2]
             self._step *= 2
+
+
+def sample_of_keyframes(keyframes: Sequence[Keyframe]) -> list[SampledScan]:
+    """Keyframes spread evenly over the way, to be compared, by the numbers of their scans."""
+    sample = ScanSample()
+    for keyframe in keyframes:
+        sample.add(keyframe.pose, keyframe.perception)
+    return [replace(one, scan=keyframes[one.scan].scan) for one in sample.scans]

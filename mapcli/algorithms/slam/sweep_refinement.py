@@ -112,7 +112,7 @@ class _SweepFit:
     ) -> None:
         self._trajectory, self._sweeps = trajectory, trajectory.sweeps
         self._odometry = odometry_steps(trajectory.sweeps, odometry)
-        self._odometry.information[[begin - 1 for begin in trajectory.begins[1:]]] = 0.0
+        self._odometry.information[trajectory.gaps()] = 0.0
         self._stamps_s = np.array(
             [(stamp - self._sweeps.stamps_ns[0]) / NANOSECONDS for stamp in self._sweeps.stamps_ns]
         )
